@@ -1,0 +1,1 @@
+"""From touches to parameters, their uncertainty, and what they change."""

@@ -1,0 +1,112 @@
+"""The cell: a robot, the jig before it, where it stands, what it carries, and how it touches."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.files import nearest
+from identify.model.jig import Jig
+from identify.model.kinematics import Kinematics
+from identify.model.robot import Robot
+
+DEG = np.pi / 180
+
+
+@dataclass(frozen=True)
+class Wire:
+    """The end of the welding wire."""
+
+    radius: float = 0.6  # [mm]
+    shape: Literal["point", "ball", "flat"] = "flat"
+
+
+@dataclass(frozen=True)
+class TouchSettings:
+    """How touches are made."""
+
+    sigma: float = 0.05  # [mm], scatter of one touch along the normal
+    approach: float = 25.0  # [mm] before the contact
+    travel: float = 60.0  # [mm], longest search from the approach
+    speed: float = 5.0  # [mm/s] of the search
+    max_tilt: float = 50 * DEG  # [rad] between wire and face normal
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """Where accuracy counts: the tip in a box of the jig frame, the torch near straight down."""
+
+    box: Float[np.ndarray, "3 2"]  # [mm]
+    max_tilt: float  # [rad]
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Manufacturing and set-up tolerances, 1 sigma."""
+
+    base: tuple[float, float] = (10.0, 2 * DEG)  # [mm], [rad]
+    tool: tuple[float, float] = (10.0, 2 * DEG)
+    link: tuple[float, float] = (3.0, 1 * DEG)
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Where the robot controller answers."""
+
+    port: str = "sim"
+    protocol: str = "line"
+    baud: int = 115200
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Everything that is known before the first touch."""
+
+    robot: Robot
+    jig: Jig | None
+    base: Float[np.ndarray, " 6"] | None  # [mm, rad], jig -> base; None: to be fitted
+    tool: Float[np.ndarray, " 6"] | None  # [mm, rad], flange -> tip; None: to be fitted
+    wire: Wire = Wire()
+    touch: TouchSettings = TouchSettings()
+    zone: Zone | None = None
+    priors: Priors = Priors()
+    controller: Controller = Controller()
+    fixed: frozenset[str] = frozenset()
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # [mm] or [rad], by parameter name
+    sources: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of the files that describe the cell
+
+    @cached_property
+    def theta(self) -> Float[np.ndarray, " parameters"]:
+        """Nominal parameters; zeros stand for a base or a tool that is to be fitted."""
+        zero = np.zeros(6)
+        return self.robot.theta(zero if self.base is None else self.base, zero if self.tool is None else self.tool)
+
+    @cached_property
+    def prior(self) -> Float[np.ndarray, " parameters"]:
+        """Prior standard deviations [mm] or [rad]; infinite for a base or a tool that is to be fitted."""
+        prior = self.scale.copy()
+        prior[:6] *= np.inf if self.base is None else 1.0
+        prior[-6:] *= np.inf if self.tool is None else 1.0
+        return prior
+
+    @cached_property
+    def scale(self) -> Float[np.ndarray, " parameters"]:
+        """Sizes that make parameters of different units comparable [mm] or [rad]: the priors, always finite."""
+        group = {"base": self.priors.base, "tool": self.priors.tool}
+        names = zip(self.robot.parameters, self.robot.angular, strict=True)
+        return np.array([group.get(name.split(".")[0], self.priors.link)[angular] for name, angular in names])
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """The compiled kinematics of the robot."""
+        return Kinematics(self.robot)
+
+    def unknown_face(self, name: str) -> str:
+        """The sentence for a face that the jig does not have."""
+        if self.jig is None:
+            return f"face '{name}' needs a jig; name one in cell.yaml (jig: library:step-block)"
+        known = ", ".join(self.jig.by_name)
+        return f"jig '{self.jig.name}' has no face '{name}'{nearest(name, self.jig.by_name)}; its faces: {known}"

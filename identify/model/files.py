@@ -1,0 +1,202 @@
+"""Files in and out: every mistake with its file and line, and nothing half-written."""
+
+import csv
+import hashlib
+import io
+import os
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+LISTED = 20  # mistakes shown of one file: beyond that, the reader has seen the pattern
+
+
+@dataclass(frozen=True, order=True)
+class Mistake:
+    """One thing wrong in a file, with the cure."""
+
+    file: str
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.text}" if self.line else f"{self.file}: {self.text}"
+
+
+class InputError(ValueError):
+    """What the user gave cannot be used; carries every mistake found."""
+
+    def __init__(self, mistakes: Sequence[Mistake] | str) -> None:
+        self.mistakes = [mistakes] if isinstance(mistakes, str) else sorted(mistakes)
+        more = len(self.mistakes) - LISTED
+        lines = [str(m) for m in self.mistakes[:LISTED]] + ([f"... and {more} more"] if more > 0 else [])
+        super().__init__("\n".join(lines))
+
+
+def read_text(path: Path) -> str:
+    """The text of a file, or one sentence why there is none."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError([Mistake(str(path), 0, "no such file; check the name and the folder")]) from None
+    except UnicodeDecodeError as error:
+        raise InputError(
+            [Mistake(str(path), 0, f"not a text file in UTF-8 (byte {error.start}); save it as UTF-8")]
+        ) from None
+    except OSError as error:
+        raise InputError([Mistake(str(path), 0, f"cannot be read: {error.strerror}")]) from None
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all: to a temporary neighbour, synced, then renamed."""
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            Path(temporary).chmod(0o666 & ~_umask())
+            Path(temporary).replace(path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise InputError(
+            [Mistake(str(path), 0, f"cannot be written: {error.strerror}; choose another place with -o")]
+        ) from None
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, to say later what a result was made from."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@dataclass
+class Sheet:
+    """A CSV file being read: its columns as text, its line numbers, and the mistakes found so far."""
+
+    file: str
+    columns: dict[str, list[str]]
+    lines: list[int]
+    mistakes: list[Mistake] = field(default_factory=list)
+
+    def wrong(self, row: int | None, text: str) -> None:
+        """Note a mistake in a row, or in the header where `row` is None."""
+        self.mistakes.append(Mistake(self.file, 1 if row is None else self.lines[row], text))
+
+    def stop(self) -> None:
+        """Raise what was found, all of it."""
+        if self.mistakes:
+            raise InputError(self.mistakes)
+
+    def fail(self, text: str) -> NoReturn:
+        """Raise one mistake of the whole file, after all others."""
+        raise InputError([*self.mistakes, Mistake(self.file, 0, text)])
+
+    def text(self, name: str, default: str = "") -> list[str]:
+        """A column of text, stripped."""
+        return [cell.strip() for cell in self.columns[name]] if name in self.columns else [default] * len(self.lines)
+
+    def numbers(self, name: str, default: float | None = None) -> np.ndarray:
+        """A column of finite numbers; empty cells take the default, or are mistakes where there is none."""
+        cells = self.text(name)
+        try:
+            values = np.array(cells, dtype=float)  # the whole column at once: the usual case of a clean file
+            if np.isfinite(values).all():
+                return values
+        except ValueError:
+            pass
+        return np.array([self._number(row, name, cell, default) for row, cell in enumerate(cells)])
+
+    def _number(self, row: int, name: str, cell: str, default: float | None) -> float:
+        if not cell and default is not None:
+            return default
+        try:
+            value = float(cell)
+        except ValueError:
+            value = float("nan")
+        if not np.isfinite(value):
+            cure = "write it with a decimal point" if "," in cell else "measure it again or delete the row"
+            self.wrong(row, f"{name} is {cell or 'empty'!r}, expected a number; {cure}")
+        return value
+
+
+def read_sheet(path: Path, required: Iterable[str], known: Iterable[str]) -> Sheet:
+    """Read a CSV file with a header line; unknown columns warn, missing ones and torn lines are mistakes."""
+    import warnings
+
+    text = read_text(path)
+    lines = text.splitlines()
+    if not lines:
+        raise InputError([Mistake(str(path), 0, "the file is empty, expected a header line and rows")])
+    reader = csv.reader(io.StringIO(text), skipinitialspace=True)
+    header = [name.strip() for name in next(reader)]
+    sheet = Sheet(str(path), {name: [] for name in header}, [])
+    if len(sheet.columns) < len(header):
+        repeated = sorted({name for name in header if header.count(name) > 1})
+        sheet.fail(f"column {', '.join(map(repr, repeated))} appears twice in the header; keep one")
+    for row in reader:
+        _add_row(sheet, header, row, reader.line_num)
+    if not text.endswith("\n"):
+        sheet.mistakes.append(
+            Mistake(
+                sheet.file,
+                len(lines),
+                "the last line does not end, it may be torn; complete it and end it with a newline, or delete it",
+            )
+        )
+    for name in required:
+        if name not in sheet.columns:
+            sheet.wrong(None, f"column '{name}' is missing{nearest(name, header)}")
+    sheet.stop()
+    unknown = [name for name in header if name not in set(known) | set(required)]
+    if unknown:
+        warnings.warn(f"{path}: unknown column {', '.join(map(repr, unknown))} ignored", stacklevel=2)
+    return sheet
+
+
+def _add_row(sheet: Sheet, header: list[str], row: list[str], line: int) -> None:
+    if not any(cell.strip() for cell in row):
+        return
+    if len(row) != len(header):
+        cure = "the line is cut short; complete or delete it" if len(row) < len(header) else "is a decimal comma in it?"
+        sheet.mistakes.append(Mistake(sheet.file, line, f"{len(row)} cells where the header has {len(header)}; {cure}"))
+        return
+    sheet.lines.append(line)
+    for name, cell in zip(header, row, strict=True):
+        sheet.columns[name].append(cell)
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """A hint at the name that was meant, or nothing."""
+    import difflib
+
+    close = difflib.get_close_matches(name, list(names), 1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def sheet_text(columns: Mapping[str, Sequence[Any] | np.ndarray]) -> str:
+    """A CSV text from columns; numbers are written shortest and exact."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*[_cells(c) for c in columns.values()], strict=True))
+    return out.getvalue()
+
+
+def _cells(column: Sequence[Any] | np.ndarray) -> list[Any]:
+    """Floats of NumPy as Python's, empty where unknown."""
+    if not isinstance(column, np.ndarray):
+        return list(column)
+    return ["" if isinstance(value, float) and np.isnan(value) else value for value in column.tolist()]

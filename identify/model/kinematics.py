@@ -1,0 +1,115 @@
+"""Equations (1) to (5) in CasADi symbols, and the functions compiled from them."""
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from identify.model.mapped import Mapped, compiled
+from identify.model.robot import Robot
+
+
+def _rz(angle: ca.SX, M: ca.SX) -> ca.SX:
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.vertcat(c * M[0, :] - s * M[1, :], s * M[0, :] + c * M[1, :], M[2, :])
+
+
+def _ry(angle: ca.SX, M: ca.SX) -> ca.SX:
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.vertcat(c * M[0, :] + s * M[2, :], M[1, :], c * M[2, :] - s * M[0, :])
+
+
+def _rx(angle: ca.SX, M: ca.SX) -> ca.SX:
+    c, s = ca.cos(angle), ca.sin(angle)
+    return ca.vertcat(M[0, :], c * M[1, :] - s * M[2, :], s * M[1, :] + c * M[2, :])
+
+
+def _frame(pose: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX:
+    """Trans(x, y, z) Rz Ry Rx applied to the columns of M (equations 2 and 5)."""
+    return pose[:3] @ w + _rz(pose[3], _ry(pose[4], _rx(pose[5], M)))
+
+
+def _constant(T: np.ndarray, M: ca.SX, w: ca.SX) -> ca.SX:
+    return M if np.array_equal(T, np.eye(4)) else ca.SX(T[:3, :3]) @ M + ca.SX(T[:3, 3]) @ w
+
+
+def base_T_link(robot: Robot, link: int, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX:
+    """Columns of M carried from the frame of a link to the base by A_1 ... A_link (equations 3 and 4)."""
+    for i in reversed(range(link)):
+        offset, d, a, alpha, beta = ca.vertsplit(theta[6 + 5 * i : 11 + 5 * i])
+        turn, slide = (offset, d + q[i]) if robot.prismatic[i] else (offset + q[i], d)
+        M = _rz(turn, ca.vertcat(a, 0, slide) @ w + _rx(alpha, _ry(beta, M)))
+    return _constant(robot.base_T_first, M, w)
+
+
+def jig_T_tip(robot: Robot, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX:
+    """Columns of M carried from the tip to the jig frame (equation 1); w is 1 above a point, 0 above a direction.
+
+    Points and directions travel through the chain as columns, from the tip back: half the operations of a product
+    of matrices, and derivatives in reverse cost as little.
+    """
+    joints = len(robot.joints)
+    M = _constant(robot.last_T_flange, _frame(theta[6 + 5 * joints :], M, w), w)
+    return _frame(theta[:6], base_T_link(robot, joints, q, theta, M, w), w)
+
+
+def symbols(robot: Robot) -> tuple[ca.SX, ca.SX]:
+    """Joint values and parameters of a robot, as symbols."""
+    return ca.SX.sym("q", len(robot.joints)), ca.SX.sym("theta", len(robot.parameters))
+
+
+POINT, AXIS = ca.SX([0, 0, 0]), ca.SX([0, 0, 1])
+ONE, ZERO = ca.SX(1), ca.SX(1, 1)  # the second is structurally zero: nothing is added to a direction
+
+
+class Kinematics:
+    """Forward kinematics of a robot and its derivatives, each compiled when first asked for."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.q, self.theta = symbols(robot)
+
+    @cached_property
+    def _tip(self) -> ca.SX:
+        return jig_T_tip(self.robot, self.q, self.theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]))
+
+    def _compiled(self, name: str, outputs: dict[str, ca.SX]) -> Mapped:
+        return compiled(name, {"q": self.q, "theta": self.theta}, outputs)
+
+    @cached_property
+    def tip(self) -> Mapped:
+        """tip:(q[N],theta[P])->(position[3],rotation[3x3]), in the jig frame."""
+        return self._compiled("tip", {"position": self._tip[:, 3], "rotation": self._tip[:, :3]})
+
+    @cached_property
+    def tip_jacobian(self) -> Mapped:
+        """tip_jacobian:(q[N],theta[P])->(position[3],J[3xP]), J = d position / d theta."""
+        p = jig_T_tip(self.robot, self.q, self.theta, POINT, ONE)
+        return self._compiled("tip_jacobian", {"position": p, "J": ca.jacobian(p, self.theta)})
+
+    @cached_property
+    def pose_jacobian(self) -> Mapped:
+        """pose_jacobian:(q[N],theta[P])->(position[3],rotation[3x3],J[6xN]): velocity and spin of the tip."""
+        p, R = self._tip[:, 3], self._tip[:, :3]
+        spin = [ca.jacobian(ca.vec(R), self.q[i]) for i in range(len(self.robot.joints))]
+        W = [ca.reshape(s, 3, 3) @ R.T for s in spin]
+        angular = ca.horzcat(*[ca.vertcat(w[2, 1], w[0, 2], w[1, 0]) for w in W])
+        return self._compiled(
+            "pose_jacobian", {"position": p, "rotation": R, "J": ca.vertcat(ca.jacobian(p, self.q), angular)}
+        )
+
+    @cached_property
+    def flange(self) -> Mapped:
+        """flange:(q[N],theta[P])->(position[3],rotation[3x3]), in the base frame, as a pendant shows."""
+        M, w = ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]])
+        T = base_T_link(
+            self.robot, len(self.robot.joints), self.q, self.theta, _constant(self.robot.last_T_flange, M, w), w
+        )
+        return self._compiled("flange", {"position": T[:, 3], "rotation": T[:, :3]})
+
+    @cached_property
+    def links(self) -> Mapped:
+        """links:(q[N],theta[P])->(T0[3x4], ..., TN[3x4]): frames 0 (base) to N of the links, in the jig frame."""
+        M, w = ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]])
+        frames = [base_T_link(self.robot, i, self.q, self.theta, M, w) for i in range(len(self.robot.joints) + 1)]
+        return self._compiled("links", {f"T{i}": _frame(self.theta[:6], T, w) for i, T in enumerate(frames)})

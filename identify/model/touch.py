@@ -1,0 +1,64 @@
+"""What was measured: touches on faces, and positions of the tip; columns of equal length."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float
+
+HIT = "hit"
+STATUSES = (HIT, "miss", "early", "skipped", "outlier")
+
+
+class Table:
+    """A frozen table: every field is a column, and all columns have as many entries as there are rows."""
+
+    ids: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def take(self, index: np.ndarray) -> Self:
+        """The rows of an integer or boolean index, in its order."""
+        rows = np.arange(len(self))[index]
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
+        picked = {k: c[rows] if isinstance(c, np.ndarray) else tuple(c[i] for i in rows) for k, c in columns.items()}
+        return replace(self, **picked)  # type: ignore[type-var]
+
+
+@dataclass(frozen=True, eq=False)
+class Touches(Table):
+    """Touches that happened: the joint values that the encoders read when the wire met a plane."""
+
+    ids: tuple[str, ...]
+    face: tuple[str, ...]  # empty where the plane was given as numbers
+    q: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
+    normal: Float[np.ndarray, "touches 3"]  # outward, in the jig frame
+    offset: Float[np.ndarray, " touches"]  # [mm]
+    sigma: Float[np.ndarray, " touches"]  # [mm], repeatability and jig tolerance in quadrature
+    status: tuple[str, ...]
+    temperature: Float[np.ndarray, " touches"]  # [degC], NaN where not read
+    time: tuple[str, ...]
+    note: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Positions(Table):
+    """Tip positions measured in the jig frame, by a tracker for instance."""
+
+    ids: tuple[str, ...]
+    q: Float[np.ndarray, "positions joints"]  # [rad] or [mm]
+    point: Float[np.ndarray, "positions 3"]  # [mm]
+    sigma: Float[np.ndarray, " positions"]  # [mm]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan(Table):
+    """Touches to be made: contact points on faces, and the joint values of contact and of approach."""
+
+    ids: tuple[str, ...]
+    face: tuple[str, ...]
+    point: Float[np.ndarray, "touches 3"]  # [mm], in the jig frame
+    normal: Float[np.ndarray, "touches 3"]
+    q: Float[np.ndarray, "touches joints"]  # [rad] or [mm], at contact by the model the plan was made with
+    approach: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
