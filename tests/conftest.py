@@ -1,0 +1,35 @@
+"""What many tests share: seeded randomness, the cell of the paper, measured data that lies beside the repository."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from identify.model.cell import Cell
+from identify.model.description import library, read_cell
+
+# the same examples on every run, and no deadline: this machine may be busy
+settings.register_profile("touchcal", deadline=None, derandomize=True, max_examples=50)
+settings.load_profile("touchcal")
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20240)
+
+
+@pytest.fixture(scope="session")
+def arc_welder() -> Cell:
+    """The cell of the paper, as the library describes it; one object, so that its functions compile once."""
+    return read_cell(library("cells")["arc-welder"])
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Measured data, not part of the repository."""
+    if not SHARED.is_dir():
+        pytest.skip(f"measured data is not at {SHARED}")
+    return SHARED
