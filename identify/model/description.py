@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
-from identify.model.cell import DEG, Cell, Controller, Priors, TouchSettings, Wire, Zone
+from identify.model.cell import Cell
+from identify.model.entries import cell_of, jig_of, robot_of
 from identify.model.files import InputError, Mistake, digest, nearest
-from identify.model.jig import Box, Face, Jig
-from identify.model.robot import Capsule, Joint, Robot
-from identify.model.schema import CellFile, Document, JigFile, JointEntry, PoseEntry, RobotFile, UrdfEntry, load
+from identify.model.jig import Jig
+from identify.model.robot import Robot
+from identify.model.schema import CellFile, Document, JigFile, JointEntry, RobotFile, UrdfEntry, load
 
 LIBRARY = "library:"
 
@@ -37,20 +37,7 @@ def read_cell(path: Path) -> Cell:
     mistakes += _cell_mistakes(file, document, robot)
     if mistakes or robot is None:
         raise InputError(mistakes)
-    unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
-    touch, priors = file.touch, file.priors
-    return Cell(
-        robot=robot, jig=jig, base=_pose(file.base), tool=_pose(file.tool),
-        wire=Wire(file.wire.radius_mm, file.wire.shape),
-        touch=TouchSettings(touch.sigma_mm, touch.approach_mm, touch.travel_mm, touch.speed_mm_s,
-                            touch.max_tilt_deg * DEG),
-        zone=None if file.zone is None else Zone(np.array(file.zone.box_mm), file.zone.max_tilt_deg * DEG),
-        priors=Priors((priors.base_mm, priors.base_deg * DEG), (priors.tool_mm, priors.tool_deg * DEG),
-                      (priors.length_mm, priors.angle_deg * DEG)),
-        controller=Controller(file.controller.port, file.controller.protocol, file.controller.baud),
-        fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
-        sources=sources,
-    )  # fmt: skip
+    return cell_of(file, robot, jig, sources)
 
 
 def read_robot(path: Path) -> Robot:
@@ -78,20 +65,16 @@ def read_robot(path: Path) -> Robot:
         wrong.append(document.wrong("a link angle of 1.571 or 3.142: radians? write degrees", "joints"))
     if wrong:
         raise InputError(wrong)
-    capsules = tuple(Capsule(c.link, c.start_mm, c.end_mm, c.radius_mm) for c in file.capsules)
-    joints = tuple(_joint(name, entry) for name, entry in zip(names, file.joints, strict=True))
-    return Robot(file.name, joints, file.source, capsules)
+    return robot_of(file)
 
 
 def read_jig(path: Path) -> Jig:
     """Read jig.yaml; raises InputError with every mistake."""
     file, document = load(path, JigFile)
-    faces = tuple(
-        Face(f.name, np.array(f.origin_mm), np.array(f.u_mm), np.array(f.v_mm), f.tolerance_mm) for f in file.faces
-    )
+    jig = jig_of(file)
     wrong = []
-    for i, face in enumerate(faces):
-        if face.name in {f.name for f in faces[:i]}:
+    for i, face in enumerate(jig.faces):
+        if face.name in {f.name for f in jig.faces[:i]}:
             wrong.append(
                 document.wrong(f"face '{face.name}' is named twice; give it a name of its own", "faces", i, "name")
             )
@@ -99,14 +82,14 @@ def read_jig(path: Path) -> Jig:
             wrong.append(document.wrong(f"face '{face.name}': u and v span no area", "faces", i, "u_mm"))
         elif abs(face.u @ face.v) > 1e-6 * face.size.prod():
             wrong.append(document.wrong(f"face '{face.name}': u and v are not at right angles", "faces", i, "u_mm"))
-    if 0 < max(face.size.max() for face in faces) < 5:
+    if 0 < max(face.size.max() for face in jig.faces) < 5:
         wrong.append(document.wrong("no face is larger than 5 mm: metres? write millimetres", "faces"))
     for i, box in enumerate(file.boxes):
         if not np.all(np.array(box.lower_mm) < np.array(box.upper_mm)):
             wrong.append(document.wrong("lower_mm is not below upper_mm", "boxes", i, "lower_mm"))
     if wrong:
         raise InputError(wrong)
-    return Jig(file.name, faces, tuple(Box(b.lower_mm, b.upper_mm) for b in file.boxes))
+    return jig
 
 
 @contextmanager
@@ -152,12 +135,6 @@ def _robot(source: str | UrdfEntry, document: Document, sources: dict[str, str])
         )
     sources[path.name] = digest(path)
     return read_urdf(path, source.base, source.flange)
-
-
-def _pose(entry: PoseEntry | Literal["fit"]) -> Float[np.ndarray, " 6"] | None:
-    if entry == "fit":
-        return None
-    return np.array([entry.x_mm, entry.y_mm, entry.z_mm, entry.rz_deg * DEG, entry.ry_deg * DEG, entry.rx_deg * DEG])
 
 
 def _cell_mistakes(file: CellFile, document: Document, robot: Robot | None) -> list[Mistake]:
@@ -214,26 +191,8 @@ def _joint_mistakes(i: int, entry: JointEntry, document: Document) -> list[Mista
         wrong.append(
             document.wrong(f"joint {i + 1}: limits within 7 degrees: radians? write degrees", "joints", i, "limits_deg")
         )
-    for key in (f"limits_{other}", f"speed_{other}_s"):
-        if getattr(entry, key) is not None:
-            wrong.append(
-                document.wrong(
-                    f"joint {i + 1} is {entry.type}: write {key.replace(other, unit)} in place of {key}",
-                    "joints",
-                    i,
-                    key,
-                )
-            )
-    return wrong
-
-
-def _joint(name: str, entry: JointEntry) -> Joint:
-    slides = entry.type == "prismatic"
-    limits = entry.limits_mm if slides else entry.limits_deg
-    assert limits is not None  # checked by _joint_mistakes
-    unit = 1.0 if slides else DEG
-    speed = (entry.speed_mm_s or 500.0) if slides else (entry.speed_deg_s or 90.0) * DEG
-    angles = (entry.alpha_deg * DEG, entry.beta_deg * DEG)
-    return Joint(
-        name, slides, entry.theta_deg * DEG, entry.d_mm, entry.a_mm, *angles, limits[0] * unit, limits[1] * unit, speed
-    )
+    misplaced = [key for key in (f"limits_{other}", f"speed_{other}_s") if getattr(entry, key) is not None]
+    sentence = f"joint {i + 1} is {entry.type}: write {{}} in place of {{}}"
+    return wrong + [
+        document.wrong(sentence.format(key.replace(other, unit), key), "joints", i, key) for key in misplaced
+    ]

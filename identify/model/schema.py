@@ -23,6 +23,17 @@ class Strict(BaseModel):
 Model = TypeVar("Model", bound=Strict)
 
 
+class PoseEntry(Strict):
+    """A frame: Trans(x, y, z) Rz Ry Rx."""
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    z_mm: float = 0.0
+    rz_deg: float = 0.0
+    ry_deg: float = 0.0
+    rx_deg: float = 0.0
+
+
 class JointEntry(Strict):
     """One joint of robot.yaml."""
 
@@ -55,6 +66,8 @@ class RobotFile(Strict):
     source: str = ""
     joints: Annotated[list[JointEntry], Field(min_length=1)]
     capsules: list[CapsuleEntry] = []
+    base_to_first: PoseEntry = PoseEntry()
+    last_to_flange: PoseEntry = PoseEntry()
 
 
 class FaceEntry(Strict):
@@ -81,17 +94,6 @@ class JigFile(Strict):
     source: str = ""
     faces: Annotated[list[FaceEntry], Field(min_length=1)]
     boxes: list[BoxEntry] = []
-
-
-class PoseEntry(Strict):
-    """A frame: Trans(x, y, z) Rz Ry Rx."""
-
-    x_mm: float = 0.0
-    y_mm: float = 0.0
-    z_mm: float = 0.0
-    rz_deg: float = 0.0
-    ry_deg: float = 0.0
-    rx_deg: float = 0.0
 
 
 class WireEntry(Strict):
@@ -171,6 +173,13 @@ class CellFile(Strict):
     controller: ControllerEntry = ControllerEntry()
     fixed: list[str] = []
     bounds: dict[str, tuple[float, float]] = {}
+
+
+class EmbeddedCell(CellFile):
+    """A cell in one document: robot and jig stand in it."""
+
+    robot: RobotFile  # type: ignore[assignment]
+    jig: JigFile | None = None  # type: ignore[assignment]
 
 
 class Document:

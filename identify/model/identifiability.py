@@ -1,0 +1,136 @@
+"""Which parameters touches can tell apart: structural elimination, rank at given touches, weak directions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identify.model.cell import Cell
+from identify.model.measurement import MeasurementModel, Rows, tip_rows
+from identify.model.robot import POSE_NAMES, Robot
+
+POSES = 200  # generic poses, three rows each: far more than parameters
+TOLERANCE = 1e-9  # of a column's part that no other column explains, relative to the column
+ORDER = ("theta", "alpha", "a", "d", "beta")
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """The parameters that tip positions determine, and what carries the others."""
+
+    names: tuple[str, ...]
+    kept: tuple[int, ...]  # indices into `names`, in their order
+    combinations: Mapping[str, Mapping[str, float]]  # eliminated name -> {kept name: coefficient}, [mm, rad]
+
+    @property
+    def rank(self) -> int:
+        """The number of independent parameters."""
+        return len(self.kept)
+
+
+def preference(robot: Robot) -> Int[np.ndarray, " parameters"]:
+    """Indices of parameters, those that stay first.
+
+    The base and the tip come first: they are the set-up's own and the least known. Then joint offsets, twists and
+    lengths, from the last joint to the first, so that of two parallel axes the outer d stays; beta, which only parallel
+    axes need, and the tool's orientation, which no tip position shows, come last.
+    """
+    base, tip, orientation = (
+        [f"{frame}.{axis}" for axis in axes]
+        for frame, axes in (("base", POSE_NAMES), ("tool", POSE_NAMES[:3]), ("tool", POSE_NAMES[3:]))
+    )
+    links = [f"{joint.name}.{name}" for name in ORDER for joint in reversed(robot.joints)]
+    order = [*base, *tip, *links, *orientation]
+    return np.array([robot.parameters.index(name) for name in order])
+
+
+def structure(
+    cell: Cell, theta: Float[np.ndarray, " parameters"] | None = None, still: Mapping[int, float] | None = None
+) -> Identifiability:
+    """Eliminate the parameters whose tip-position columns vanish or depend on others for every configuration.
+
+    `theta` is where the columns are taken, the nominal parameters if not given. Joints in `still` keep their
+    value [rad] or [mm]; all others move between their limits. Columns are scaled by the cell's priors and taken in the order of
+    `preference`; one that those before it explain is eliminated. The wire's end is left out: it shows the tool's tilt
+    with a lever of its radius, half a millimetre, which is no ground to estimate it.
+    """
+    robot = cell.robot
+    q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (POSES, len(robot.joints)))
+    for joint, value in (still or {}).items():
+        q[:, joint] = value
+    _, J = MeasurementModel(robot).linearize(cell.theta if theta is None else theta, tip_rows(q))
+    free = [i for i in preference(robot) if robot.parameters[i] not in cell.fixed]
+    kept, combinations = independent(J * cell.scale, free)
+    names = robot.parameters
+    return Identifiability(
+        names,
+        tuple(sorted(kept)),
+        {
+            names[i]: {names[k]: _clean(c * cell.scale[k] / cell.scale[i]) for k, c in terms.items()}
+            for i, terms in sorted(combinations.items())
+        },
+    )
+
+
+def _clean(coefficient: float) -> float:
+    """Without the last digits, which are rounding."""
+    return float(f"{coefficient:.9g}")
+
+
+def independent(
+    A: Float[np.ndarray, "rows columns"], order: Sequence[int], tolerance: float = TOLERANCE
+) -> tuple[list[int], dict[int, dict[int, float]]]:
+    """Columns that no earlier one in `order` explains, and for each other its coefficients on them (rank-revealing QR).
+
+    Modified Gram-Schmidt with a second pass: the order is the reader's, so pivoting is not free to choose.
+    """
+    Q = np.empty((len(A), 0))
+    kept: list[int] = []
+    left: list[int] = []
+    largest = np.linalg.norm(A, axis=0).max(initial=0.0)
+    for i in order:
+        column = A[:, i]
+        rest = column - Q @ (Q.T @ column)
+        rest -= Q @ (Q.T @ rest)
+        if np.linalg.norm(rest) > tolerance * max(largest, 1e-300):
+            Q = np.column_stack([Q, rest / np.linalg.norm(rest)])
+            kept.append(i)
+        else:
+            left.append(i)
+    C = np.linalg.lstsq(A[:, kept], A[:, left], rcond=None)[0]
+    return kept, {
+        i: {k: float(c) for k, c in zip(kept, C[:, j], strict=True) if abs(c) > 1e-7} for j, i in enumerate(left)
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """How well given touches see the kept parameters, beside the priors."""
+
+    rank: int
+    singular: Float[np.ndarray, " parameters"]  # of the Jacobian in units of sigma a prior standard deviation
+    lost: tuple[str, ...]  # parameters in directions that the touches do not see at all
+    weak: tuple[str, ...]  # parameters in directions that the touches see less well than the priors do
+
+
+def sight(J: Float[np.ndarray, "rows kept"], names: Sequence[str]) -> Sight:
+    """Rank and weak directions of a Jacobian with rows divided by sigma and columns scaled by the priors."""
+    square = np.asarray(np.linalg.qr(J, mode="r"))  # as many rows as columns at the most, however many touches
+    _, s, Vt = np.linalg.svd(square, full_matrices=True)
+    s = np.concatenate([s, np.zeros(len(names) - len(s))])
+    unseen = s < 1e-8 * max(s[0], 1e-300)
+    return Sight(int((~unseen).sum()), s, _dominant(Vt[unseen], names), _dominant(Vt[(s < 1.0) & ~unseen], names))
+
+
+def _dominant(directions: Float[np.ndarray, "directions kept"], names: Sequence[str]) -> tuple[str, ...]:
+    """Names that carry more than a tenth of the square of a direction, most important first."""
+    share = (directions**2).max(axis=0, initial=0.0)
+    order = np.argsort(-share, kind="stable")
+    return tuple(names[i] for i in order if share[i] > 0.1)
+
+
+def still_joints(rows: Rows) -> dict[int, float]:
+    """Joints that do not move in given touches, and where they stand."""
+    spread = np.ptp(rows.q, axis=0)
+    return {int(i): float(rows.q[0, i]) for i in np.flatnonzero(spread < 1e-6)}
