@@ -107,7 +107,7 @@ def assert_same(T, expected, stages):
     np.testing.assert_allclose(T[:3, :3], expected[:3, :3], rtol=0, atol=1e-11)
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(stages=chains, data=st.data())
 def test_a_robot_moves_as_its_urdf_says(folder, stages, data):
     robot = model(folder, stages)

@@ -19,10 +19,14 @@ def rotation(rz: Float[Array, "..."], ry: Float[Array, "..."], rx: Float[Array, 
 
 def euler(R: Float[Array, "... 3 3"]) -> Float[Array, "... 3"]:
     """Angles rz, ry, rx [rad] with R = Rz Ry Rx; rz carries the whole turn where ry is +-90 degrees."""
-    ry = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
-    locked = np.hypot(R[..., 0, 0], R[..., 1, 0]) < 1e-9
+    cosine = np.hypot(R[..., 0, 0], R[..., 1, 0])
+    locked = cosine < 1e-12
     rz = np.where(locked, np.arctan2(-R[..., 0, 1], R[..., 1, 1]), np.arctan2(R[..., 1, 0], R[..., 0, 0]))
-    rx = np.where(locked, 0.0, np.arctan2(R[..., 2, 1], R[..., 2, 2]))
+    ry = np.arctan2(-R[..., 2, 0], cosine)
+    # rx of Rz' R, not of R itself: near 90 degrees rz and rx are each uncertain, and only together exact
+    c, s = np.cos(rz), np.sin(rz)
+    turned = np.arctan2(s * R[..., 0, 2] - c * R[..., 1, 2], c * R[..., 1, 1] - s * R[..., 0, 1])
+    rx = np.where(locked, 0.0, turned)
     return np.stack([rz, ry, rx], axis=-1)
 
 
