@@ -1,1 +1,14 @@
 """From touches to parameters, their uncertainty, and what they change."""
+
+from importlib import import_module
+from typing import Any
+
+_FRONT = {"calibrate": "identify.calibration", "verify": "identify.verification"}
+__all__ = ["calibrate", "verify"]  # noqa: F822, loaded when first asked for
+
+
+def __getattr__(name: str) -> Any:
+    """Load what the front page names only when it is asked for: CasADi takes most of a second."""
+    if name not in _FRONT:
+        raise AttributeError(f"module 'identify' has no attribute '{name}'")
+    return getattr(import_module(_FRONT[name]), name)

@@ -1,1 +1,18 @@
 """From the model to a plan, the closed loop, and the command line."""
+
+from importlib import import_module
+from typing import Any
+
+_FRONT = {
+    "approximate_design": "oed.relaxation",
+    "exact_design": "oed.exchange",
+    "plan": "oed.planning",
+}
+__all__ = ["approximate_design", "exact_design", "plan"]  # noqa: F822, loaded when first asked for
+
+
+def __getattr__(name: str) -> Any:
+    """Load what the front page names only when it is asked for: the command line must answer at once."""
+    if name not in _FRONT:
+        raise AttributeError(f"module 'oed' has no attribute '{name}'")
+    return getattr(import_module(_FRONT[name]), name)
