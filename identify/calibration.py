@@ -12,7 +12,7 @@ from identify.model.calibration import Calibration, Residual, fingerprints, summ
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import Identifiability, Sight, sight, still_joints, structure
-from identify.model.measurement import MeasurementModel, Rows, rows
+from identify.model.measurement import Rows, measurement_model, rows
 from identify.model.touch import Positions, Touches
 from identify.regions import regions
 from identify.starting import starting_point
@@ -128,7 +128,7 @@ class _Problem:
         return problem
 
     def __post_init__(self) -> None:
-        self.model = MeasurementModel(self.cell.robot)
+        self.model = measurement_model(self.cell.robot)
         self.kept = np.array(self.structure.kept, dtype=int)
         self.names = [self.structure.names[i] for i in self.kept]
         fitted = np.isinf(self.cell.prior[self.kept])

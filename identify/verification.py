@@ -6,7 +6,7 @@ import numpy as np
 
 from identify.model.calibration import Calibration, Errors, fingerprints, summarize
 from identify.model.files import InputError
-from identify.model.measurement import MeasurementModel, rows
+from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Positions, Touches
 
 
@@ -31,7 +31,7 @@ def verify(calibration: Calibration, *measured: Touches | Positions) -> Verifica
             f"{len(set(seen))} of {len(found.ids)} measurements were used in the fit ({seen[0]}, ...): errors there are "
             "no accuracy; verify with others"
         )
-    model = MeasurementModel(calibration.cell.robot)
+    model = measurement_model(calibration.cell.robot)
     before = found.distances(model.residual(calibration.start, found))
     r, J = model.linearize(calibration.theta, found)
     J = J[:, calibration.index]

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identify.model.cell import Cell
-from identify.model.measurement import MeasurementModel, Rows, tip_rows
+from identify.model.measurement import Rows, measurement_model, tip_rows
 from identify.model.robot import POSE_NAMES, Robot
 
 POSES = 200  # generic poses, three rows each: far more than parameters
@@ -59,7 +59,7 @@ def structure(
     q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (POSES, len(robot.joints)))
     for joint, value in (still or {}).items():
         q[:, joint] = value
-    _, J = MeasurementModel(robot).linearize(cell.theta if theta is None else theta, tip_rows(q))
+    _, J = measurement_model(robot).linearize(cell.theta if theta is None else theta, tip_rows(q))
     free = [i for i in preference(robot) if robot.parameters[i] not in cell.fixed]
     kept, combinations = independent(J * cell.scale, free)
     names = robot.parameters

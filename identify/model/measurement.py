@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -123,6 +123,12 @@ class MeasurementModel:
         columns = [rows.q, theta, rows.normal, rows.offset[:, None]]
         r, J = self._flat(*columns, rows.radius[:, None]) if rows.radius.any() else self._pointed(*columns)
         return r, J
+
+
+@lru_cache(maxsize=32)
+def measurement_model(robot: Robot) -> MeasurementModel:
+    """The measurement model of a robot, compiled once for all who ask."""
+    return MeasurementModel(robot)
 
 
 def tip_rows(q: Float[np.ndarray, "poses joints"], sigma: float = 1.0) -> Rows:
