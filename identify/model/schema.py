@@ -210,16 +210,51 @@ class Document:
         """A mistake at a key of this file."""
         return Mistake(str(self.path), self.line(location), text)
 
+    def get(self, key: str) -> Any:
+        """What stands at a key, unchecked; None where nothing does."""
+        return self.data.get(key) if isinstance(self.data, dict) else None
+
+    def items(self, key: str) -> list[Any]:
+        """The items of a list, unchecked; none where there is no list."""
+        found = self.get(key)
+        return found if isinstance(found, list) else []
+
 
 def load(path: Path, model: type[Model]) -> tuple[Model, Document]:
     """Read and validate a YAML file; raises InputError with every mistake."""
     document = Document(path)
+    file, mistakes = validated(document, model)
+    if file is None:
+        raise InputError(mistakes)
+    return file, document
+
+
+def validated(document: Document, model: type[Model]) -> tuple[Model | None, list[Mistake]]:
+    """What a file holds, or what is wrong with its form."""
     if not isinstance(document.data, dict):
-        raise InputError([Mistake(str(path), 1, f"expected keys such as {', '.join(list(model.model_fields)[:3])}")])
+        keys = ", ".join(list(model.model_fields)[:3])
+        return None, [Mistake(str(document.path), 1, f"expected keys such as {keys}")]
     try:
-        return model.model_validate(document.data), document
+        return model.model_validate(document.data), []
     except ValidationError as error:
-        raise InputError([_mistake(document, model, e) for e in error.errors()]) from None
+        return None, [_mistake(document, model, e) for e in error.errors()]
+
+
+def usable(raw: Any, model: type[Model]) -> Model | None:
+    """What can be read of an entry without the keys that are wrong; None where nothing can."""
+    for _ in range(2):
+        try:
+            return model.model_validate(raw)
+        except ValidationError as error:
+            wrong = {e["loc"][0] for e in error.errors() if e["loc"]}
+            raw = {key: value for key, value in raw.items() if key not in wrong} if isinstance(raw, dict) else None
+    return None
+
+
+def entries(document: Document, key: str, model: type[Model]) -> list[tuple[int, Model]]:
+    """The items of a list that can be read, with their places."""
+    found = [(i, usable(item, model)) for i, item in enumerate(document.items(key))]
+    return [(i, entry) for i, entry in found if entry is not None]
 
 
 def _mistake(document: Document, model: type[Strict], error: Any) -> Mistake:
