@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+ITERATIONS = 200  # of Ipopt; a calibration takes 3 to 30
 Linearization = tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]
 
 
@@ -167,7 +168,7 @@ class LeastSquares:
             "error_on_fail": False,
             "no_nlp_grad": True,
             "ipopt": {
-                "print_level": 0, "sb": "yes", "max_iter": 200, "tol": 1e-4, "dual_inf_tol": 1e-4,
+                "print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-4, "dual_inf_tol": 1e-4,
                 "nlp_scaling_method": "none",
         "acceptable_iter": 0, "linear_solver": "mumps", "mu_strategy": "adaptive",
             },

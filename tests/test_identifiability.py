@@ -76,7 +76,7 @@ def test_sight_names_what_is_lost_and_what_is_weak(rng):
 
     assert seen.rank == 3
     assert seen.lost == ("tool.z",)
-    assert seen.weak == ("j1.beta",)
+    assert set(seen.weak) == {"j1.beta", "tool.z"}  # what is not seen is told by the prior alone
 
 
 def test_touches_over_the_jig_see_all_that_the_structure_keeps(arc_welder, rng):

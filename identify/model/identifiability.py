@@ -115,12 +115,22 @@ class Sight:
 
 
 def sight(J: Float[np.ndarray, "rows kept"], names: Sequence[str]) -> Sight:
-    """Rank and weak directions of a Jacobian with rows divided by sigma and columns scaled by the priors."""
+    """Rank and weak directions of a Jacobian with rows divided by sigma and columns scaled by the priors.
+
+    The rank is taken with columns of one length: what can be told apart does not depend on what was known before.
+    """
     square = np.asarray(np.linalg.qr(J, mode="r"))  # as many rows as columns at the most, however many touches
-    _, s, Vt = np.linalg.svd(square, full_matrices=True)
-    s = np.concatenate([s, np.zeros(len(names) - len(s))])
-    unseen = s < 1e-8 * max(s[0], 1e-300)
-    return Sight(int((~unseen).sum()), s, _dominant(Vt[unseen], names), _dominant(Vt[(s < 1.0) & ~unseen], names))
+    size = np.linalg.norm(square, axis=0)
+    singular, directions = _singular(square / np.where(size > 1e-9 * size.max(initial=0.0), size, np.inf))
+    unseen = singular < 1e-8
+    s, Vt = _singular(square)
+    return Sight(int((~unseen).sum()), s, _dominant(directions[unseen], names), _dominant(Vt[s < 1.0], names))
+
+
+def _singular(A: Float[np.ndarray, "rows kept"]) -> tuple[np.ndarray, np.ndarray]:
+    """As many singular values as columns, and their directions."""
+    _, s, Vt = np.linalg.svd(A, full_matrices=True)
+    return np.concatenate([s, np.zeros(len(Vt) - len(s))]), Vt
 
 
 def _dominant(directions: Float[np.ndarray, "directions kept"], names: Sequence[str]) -> tuple[str, ...]:

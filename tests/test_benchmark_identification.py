@@ -1,0 +1,69 @@
+"""How long an identification takes, beside SciPy on the same problem: pytest tests/test_benchmark_*.py --benchmark-only."""
+
+import numpy as np
+import pytest
+import scipy.optimize
+from measured import poses_over_jig, table_2, touches_at
+
+from identify.calibration import calibrate
+from identify.least_squares import LeastSquares, Objective
+from identify.model.identifiability import structure
+from identify.model.measurement import MeasurementModel, rows
+
+
+@pytest.fixture(scope="module")
+def touches(arc_welder):
+    rng = np.random.default_rng(0)
+    return touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 100, rng), rng)
+
+
+def problem(cell, touches):
+    """The residual and its Jacobian, as any solver would want them."""
+    model, found, kept = MeasurementModel(cell.robot), rows(cell.wire, [touches]), list(structure(cell).kept)
+
+    def linearize(x):
+        theta = cell.theta.copy()
+        theta[kept] += x
+        r, J = model.linearize(theta, found)
+        return r / 0.05, J[:, kept] / 0.05
+
+    return linearize, cell.scale[kept]
+
+
+def test_solve_with_ipopt(benchmark, arc_welder, touches):
+    linearize, prior = problem(arc_welder, touches)
+    solver, start = LeastSquares(Objective(linearize, prior), np.zeros(25)), np.zeros(25)
+
+    solution = benchmark(lambda: solver.solve(start))
+
+    assert solution.converged
+
+
+def test_build(benchmark, arc_welder, touches):
+    def build():
+        linearize, prior = problem(arc_welder, touches)
+        return LeastSquares(Objective(linearize, prior), np.zeros(25))
+
+    benchmark(build)
+
+
+@pytest.mark.parametrize("jacobian", ["2-point", "ours"])
+def test_solve_with_scipy(benchmark, arc_welder, touches, jacobian):
+    linearize, prior = problem(arc_welder, touches)
+    jac = (lambda x: linearize(x)[1]) if jacobian == "ours" else jacobian
+
+    found = benchmark(
+        lambda: scipy.optimize.least_squares(lambda x: linearize(x)[0], np.zeros(25), jac=jac, x_scale=prior)
+    )
+
+    assert found.success
+
+
+@pytest.mark.parametrize("count", [1_000, 10_000, 100_000])
+def test_touches_cost_in_proportion_to_their_number(benchmark, arc_welder, count):
+    rng = np.random.default_rng(0)
+    many = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, count, rng), rng)
+
+    found = benchmark.pedantic(lambda: calibrate(arc_welder, many, folds=0), rounds=1)
+
+    assert found.scatter == pytest.approx(1.0, abs=0.1)
