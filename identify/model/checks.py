@@ -133,8 +133,10 @@ def robot_mistakes(document: Document) -> list[Mistake]:
 
 def _joint(document: Document, i: int, entry: JointEntry) -> list[Mistake]:
     unit, other = ("mm", "deg") if entry.type == "prismatic" else ("deg", "mm")
-    key, limits, wrong = f"limits_{unit}", getattr(entry, f"limits_{unit}"), []
-    if limits is None and key not in document.items("joints")[i]:
+    raw, key, limits, wrong = document.items("joints")[i], f"limits_{unit}", getattr(entry, f"limits_{unit}"), []
+    if raw.get("type", entry.type) != entry.type:  # a mistake by itself, and the units depend on it
+        return []
+    if limits is None and key not in raw:
         wrong.append(document.wrong(f"joint {i + 1} needs {key}: [lower, upper]", "joints", i))
     elif limits and limits[0] >= limits[1]:
         wrong.append(document.wrong(f"joint {i + 1}: limits run from {limits[0]:g} to {limits[1]:g}", "joints", i, key))

@@ -182,7 +182,8 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """A hint at the name that was meant, or nothing."""
     import difflib
 
-    close = difflib.get_close_matches(name, list(names), 1)
+    known = list(names)
+    close = difflib.get_close_matches(name, known, 1) or [k for k in known if name and k.startswith(f"{name}_")]
     return f"; did you mean '{close[0]}'?" if close else ""
 
 

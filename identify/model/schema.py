@@ -7,11 +7,13 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, Validatio
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.reader import ReaderError
 
 from identify.model.files import InputError, Mistake, nearest, read_text
 
-Positive = Annotated[float, Field(gt=0)]
-Vector = tuple[float, float, float]
+Number = Annotated[float, Field(strict=True)]  # not a text that reads like one, nor true or false
+Positive = Annotated[Number, Field(gt=0)]
+Vector = tuple[Number, Number, Number]
 
 
 class Strict(BaseModel):
@@ -26,12 +28,12 @@ Model = TypeVar("Model", bound=Strict)
 class PoseEntry(Strict):
     """A frame: Trans(x, y, z) Rz Ry Rx."""
 
-    x_mm: float = 0.0
-    y_mm: float = 0.0
-    z_mm: float = 0.0
-    rz_deg: float = 0.0
-    ry_deg: float = 0.0
-    rx_deg: float = 0.0
+    x_mm: Number = 0.0
+    y_mm: Number = 0.0
+    z_mm: Number = 0.0
+    rz_deg: Number = 0.0
+    ry_deg: Number = 0.0
+    rx_deg: Number = 0.0
 
 
 class JointEntry(Strict):
@@ -39,13 +41,13 @@ class JointEntry(Strict):
 
     name: str = ""
     type: Literal["revolute", "prismatic"] = "revolute"
-    theta_deg: float = 0.0
-    d_mm: float = 0.0
-    a_mm: float = 0.0
-    alpha_deg: float = 0.0
-    beta_deg: float = 0.0
-    limits_deg: tuple[float, float] | None = None
-    limits_mm: tuple[float, float] | None = None
+    theta_deg: Number = 0.0
+    d_mm: Number = 0.0
+    a_mm: Number = 0.0
+    alpha_deg: Number = 0.0
+    beta_deg: Number = 0.0
+    limits_deg: tuple[Number, Number] | None = None
+    limits_mm: tuple[Number, Number] | None = None
     speed_deg_s: Positive | None = None
     speed_mm_s: Positive | None = None
 
@@ -77,7 +79,7 @@ class FaceEntry(Strict):
     origin_mm: Vector
     u_mm: Vector
     v_mm: Vector
-    tolerance_mm: Annotated[float, Field(ge=0)] = 0.0
+    tolerance_mm: Annotated[Number, Field(ge=0)] = 0.0
 
 
 class BoxEntry(Strict):
@@ -99,7 +101,7 @@ class JigFile(Strict):
 class WireEntry(Strict):
     """The end of the wire."""
 
-    radius_mm: Annotated[float, Field(ge=0)] = 0.6
+    radius_mm: Annotated[Number, Field(ge=0)] = 0.6
     shape: Literal["point", "ball", "flat"] = "flat"
 
 
@@ -110,14 +112,14 @@ class TouchEntry(Strict):
     approach_mm: Positive = 25.0
     travel_mm: Positive = 60.0
     speed_mm_s: Positive = 5.0
-    max_tilt_deg: Annotated[float, Field(gt=0, le=90)] = 50.0
+    max_tilt_deg: Annotated[Number, Field(gt=0, le=90)] = 50.0
 
 
 class ZoneEntry(Strict):
     """Where accuracy counts, in the jig frame."""
 
-    box_mm: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
-    max_tilt_deg: Annotated[float, Field(gt=0, le=180)] = 60.0
+    box_mm: tuple[tuple[Number, Number], tuple[Number, Number], tuple[Number, Number]]
+    max_tilt_deg: Annotated[Number, Field(gt=0, le=180)] = 60.0
 
 
 class PriorsEntry(Strict):
@@ -172,7 +174,7 @@ class CellFile(Strict):
     priors: PriorsEntry = PriorsEntry()
     controller: ControllerEntry = ControllerEntry()
     fixed: list[str] = []
-    bounds: dict[str, tuple[float, float]] = {}
+    bounds: dict[str, tuple[Number, Number]] = {}
 
 
 class EmbeddedCell(CellFile):
@@ -187,11 +189,17 @@ class Document:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        text = read_text(path)
         try:
-            self.data: Any = YAML().load(read_text(path))
+            self.data: Any = YAML().load(text)
         except MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 0
             raise InputError([Mistake(str(path), line, f"not valid YAML: {error.problem}")]) from None
+        except ReaderError as error:
+            line = text.count("\n", 0, error.position) + 1
+            raise InputError([Mistake(str(path), line, f"not valid YAML: {error.reason}")]) from None
+        except (ValueError, RecursionError) as error:  # a date of month 13, brackets a thousand deep
+            raise InputError([Mistake(str(path), 0, f"not valid YAML: {error}")]) from None
 
     def line(self, location: tuple[int | str, ...]) -> int:
         """The line of a key, or of the nearest thing around it that has one."""
