@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 _FRONT = {"calibrate": "identify.calibration", "verify": "identify.verification"}
-__all__ = ["calibrate", "verify"]  # noqa: F822, loaded when first asked for
+__all__ = ["calibrate", "verify"]
 
 
 def __getattr__(name: str) -> Any:

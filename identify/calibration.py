@@ -7,7 +7,7 @@ from statistics import NormalDist
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from identify.least_squares import LOSSES, LeastSquares, Objective, Solution
+from identify.least_squares import LOSSES, LeastSquares, Objective, Part, Solution
 from identify.model.calibration import Calibration, Residual, fingerprints, summarize
 from identify.model.cell import Cell
 from identify.model.files import InputError
@@ -17,6 +17,7 @@ from identify.model.touch import Positions, Touches
 from identify.regions import regions
 from identify.starting import starting_point
 
+PART = 8192  # rows handled at a time
 FALSE_ALARM = 0.01  # chance that one of all good touches is called an outlier
 
 
@@ -129,11 +130,12 @@ class _Problem:
 
     def __post_init__(self) -> None:
         self.model = measurement_model(self.cell.robot)
+        self._residual_at = np.full(1, np.nan), np.empty(0)
         self.kept = np.array(self.structure.kept, dtype=int)
         self.names = [self.structure.names[i] for i in self.kept]
         fitted = np.isinf(self.cell.prior[self.kept])
         self.prior = np.where(fitted | (not self.priors), np.inf, self.cell.scale[self.kept])
-        self.objective = Objective(self._linearize, self.prior, "linear", 1 / self.rows.sigma)
+        self.objective = Objective(self.linearized, self.prior, 1 / self.rows.sigma)
         lower, upper = self._bounds()
         self.solver = LeastSquares(self.objective, np.zeros(len(self.kept)), lower, upper)
 
@@ -147,16 +149,24 @@ class _Problem:
         theta[self.kept] += x
         return theta
 
-    def _linearize(self, x: Float[np.ndarray, " kept"]) -> tuple[np.ndarray, np.ndarray]:
-        r, J = self.model.linearize(self.theta(x), self.rows)
-        return r, J[:, self.kept]
+    def linearized(self, x: Float[np.ndarray, " kept"]) -> Iterator[Part]:
+        """Residuals and their Jacobian, part by part: memory stays bounded whatever the number of touches."""
+        theta = self.theta(x)
+        for start in range(0, len(self.rows), PART):
+            part = slice(start, min(start + PART, len(self.rows)))
+            r, J = self.model.linearize(theta, self.rows.take(np.arange(part.start, part.stop)))
+            yield part, r, J[:, self.kept]
 
     def residual(self, x: Float[np.ndarray, " kept"]) -> Float[np.ndarray, " rows"]:
-        return self._linearize(x)[0]
+        if not np.array_equal(x, self._residual_at[0]):
+            self._residual_at = x.copy(), np.concatenate([r for _, r, _ in self.linearized(x)])
+        return self._residual_at[1]
 
     def sight(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Sight:
-        J = self._linearize(x)[1] * weight[:, None] * self.cell.scale[self.kept]
-        return sight(J, self.names)
+        R = np.empty((0, len(self.kept)))
+        for part, _, J in self.linearized(x):
+            R = np.asarray(np.linalg.qr(np.vstack([R, J * weight[part, None]]), mode="r"))
+        return sight(R * self.cell.scale[self.kept], self.names)
 
     def require_rank(self, seen: Sight, where: str) -> None:
         """Raise InputError, naming what suffers and what to add, where the touches do not determine every parameter."""
@@ -169,8 +179,8 @@ class _Problem:
     def precision(
         self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
     ) -> Float[np.ndarray, "kept kept"]:
-        J = self._linearize(x)[1] * weight[:, None]
-        return J.T @ J + np.diag(1 / self.prior**2)
+        self.objective.reweigh(weight, "linear")
+        return self.objective.at(x)[2].copy()
 
     def solve(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"], loss: str) -> Solution:
         """Minimise from x; raises CalibrationFailed with Ipopt's own word where it does not converge."""
@@ -208,11 +218,13 @@ class _Problem:
 
     def _agreeing(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Rows of touches whose residual is within what chance makes of a good touch, leverage considered."""
-        r, J = self._linearize(x)
-        U = np.linalg.solve(np.linalg.cholesky(self.precision(x, weight)), J.T * weight)
-        leverage = (U * U).sum(axis=0)
-        size = np.abs(r) * weight / np.sqrt(np.clip(1 - leverage, 0.05, 1))
-        limit = NormalDist().inv_cdf(1 - FALSE_ALARM / (2 * len(r)))
+        L = np.linalg.cholesky(self.precision(x, weight))
+        size = np.empty(len(self.rows))
+        for part, r, J in self.linearized(x):
+            w = weight[part]
+            leverage = (np.linalg.solve(L, J.T * w) ** 2).sum(axis=0)
+            size[part] = np.abs(r) * w / np.sqrt(np.clip(1 - leverage, 0.05, 1))
+        limit = NormalDist().inv_cdf(1 - FALSE_ALARM / (2 * len(size)))
         worst = np.zeros(len(self.rows.ids))
         np.maximum.at(worst, self.rows.owner, size)
         return (worst <= limit)[self.rows.owner]

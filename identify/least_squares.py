@@ -4,7 +4,7 @@ One evaluation of residuals and Jacobian serves the objective, its gradient and 
 the same point, and they share what was computed there.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 ITERATIONS = 200  # of Ipopt; a calibration takes 3 to 30
-Linearization = tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]
+Part = tuple[slice, Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]
 
 
 def _linear(r2: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -64,34 +64,40 @@ class Solution:
 class Objective:
     """Half the sum of losses of weight r(x), plus half of (x / prior)^2, scaled to unit curvature along each unknown.
 
-    `linearize` gives residuals and their Jacobian, `weight` is one over their sigma. The unknowns that Ipopt sees are
-    z = x * norm of their column, so a gradient of 1e-4 is a ten-thousandth of a standard deviation where columns are
-    independent; asked for much less, the line search drowns in rounding.
+    `linearize` gives residuals and their Jacobian, part by part so that memory stays bounded whatever the number of
+    rows; `weight` is one over sigma, a number a row. The unknowns that Ipopt sees are z = x * norm of their column, so a
+    gradient of 1e-4 is a ten-thousandth of a standard deviation where columns are independent; asked for much less, the
+    line search drowns in rounding.
     """
 
-    linearize: Callable[[np.ndarray], Linearization]
+    linearize: Callable[[np.ndarray], Iterable[Part]]
     prior: Float[np.ndarray, " unknowns"]  # standard deviations, infinite where nothing is known
+    weight: Float[np.ndarray, " rows"]
     loss: str = "linear"
-    weight: Float[np.ndarray, " rows"] | float = 1.0
     _at: np.ndarray = field(default_factory=lambda: np.empty(0))
     _value: float = 0.0
     _gradient: np.ndarray = field(default_factory=lambda: np.empty(0))
     _hessian: np.ndarray = field(default_factory=lambda: np.empty(0))
 
-    def reweigh(self, weight: Float[np.ndarray, " rows"] | float, loss: str) -> None:
+    def reweigh(self, weight: Float[np.ndarray, " rows"], loss: str) -> None:
         """Change the weights of the rows and the loss."""
         self.weight, self.loss, self._at = weight, loss, np.empty(0)
 
     def at(self, x: Float[np.ndarray, " unknowns"]) -> tuple[float, np.ndarray, np.ndarray]:
         """Value, gradient and Gauss-Newton Hessian."""
         if not np.array_equal(x, self._at):
-            r, J = self.linearize(x)
-            w2 = np.square(self.weight)
-            value, slope, curve = LOSSES[self.loss](w2 * r * r)
             precision = 1 / self.prior**2
-            self._value = 0.5 * float(value.sum() + precision @ (x * x))
-            self._gradient = J.T @ (w2 * slope * r) + precision * x
-            self._hessian = J.T @ (J * (w2 * curve)[:, None]) + np.diag(precision)
+            self._value, self._gradient, self._hessian = (
+                0.5 * float(precision @ (x * x)),
+                precision * x,
+                np.diag(precision),
+            )
+            for part, r, J in self.linearize(x):
+                w2 = self.weight[part] ** 2
+                value, slope, curve = LOSSES[self.loss](w2 * r * r)
+                self._value += 0.5 * float(value.sum())
+                self._gradient = self._gradient + J.T @ (w2 * slope * r)
+                self._hessian = self._hessian + J.T @ (J * (w2 * curve)[:, None])
             self._at = x.copy()
         return self._value, self._gradient, self._hessian
 

@@ -28,8 +28,8 @@ def verify(calibration: Calibration, *measured: Touches | Positions) -> Verifica
     seen = [found.ids[found.owner[i]] for i, name in enumerate(prints) if name in calibration.fingerprints]
     if seen:
         raise InputError(
-            f"{len(set(seen))} of {len(found.ids)} measurements were used in the fit ({seen[0]}, ...): errors there are "
-            "no accuracy; verify with others"
+            f"{len(set(seen))} of {len(found.ids)} measurements were used in the fit ({seen[0]}, ...): errors there "
+            "are no accuracy; verify with others"
         )
     model = measurement_model(calibration.cell.robot)
     before = found.distances(model.residual(calibration.start, found))
