@@ -1,0 +1,166 @@
+"""The hidden truth of a virtual cell: what the robot, the jig and the wire really are.
+
+A truth file is a small YAML file. Parameters stand by name in file units (mm or deg); those not named are nominal:
+
+    name: arc-welder
+    source: where the numbers come from
+    parameters: {base.x: 339.106, j2.theta: -91.337}
+    faces_mm: {top-low: 0.02}        # by how much a face stands proud of its drawing
+    effects:
+      sigma_mm: 0.05                 # scatter of a touch along the normal; the cell's touch.sigma_mm where not given
+      joint_noise_deg: 0.001         # 1 sigma, drawn anew for every motion; joint_noise_mm where a joint slides
+      backlash_deg: 0.005            # full play; backlash_mm where a joint slides
+      relay_delay_ms: 4              # the latch comes that much after the contact
+      servo_ms: 1                    # the latch and the stop happen at the next servo step
+      bounce_ms: 3                   # the contact chatters that long after it closes and after it opens
+      wire: [{touch: 40, change_mm: -1.5}]   # after that many contacts the wire is longer (+) or shorter (-)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.resources import files as package_files
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field
+
+from identify.model.cell import DEG, Cell
+from identify.model.files import InputError, Mistake, nearest
+from identify.model.frames import rotation
+from identify.model.schema import Document, Strict, load
+
+LIBRARY = "library:"
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What makes two touches of the same place differ, and a latch late."""
+
+    sigma: float | None = None  # [mm], scatter along the normal; None: the cell's
+    joint_noise: tuple[float, float] = (0.0, 0.0)  # [mm] of sliding joints, [rad] of turning ones, 1 sigma a motion
+    backlash: tuple[float, float] = (0.0, 0.0)  # [mm], [rad], full play
+    relay_delay: float = 0.0  # [s]
+    servo: float = 0.001  # [s]
+    bounce: float = 0.0  # [s]
+    wire: tuple[tuple[int, float], ...] = ()  # after so many contacts, a change of the stick-out [mm]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The true parameters of a cell and its effects; known to the virtual robot, and to the judge of a calibration."""
+
+    theta: Float[np.ndarray, " parameters"]  # [mm] or [rad]
+    effects: Effects = Effects()
+    faces: Mapping[str, float] = field(default_factory=dict)  # [mm], by how much a face stands proud of its drawing
+    name: str = ""
+
+    def after(self, contacts: int) -> Float[np.ndarray, " parameters"]:
+        """The parameters after a number of contacts: the tip has moved along the wire when its stick-out changed."""
+        change = sum(length for touch, length in self.effects.wire if contacts >= touch)
+        theta = self.theta.copy()
+        theta[-6:-3] += change * rotation(*theta[-3:])[:, 2]
+        return theta
+
+
+class WireChange(Strict):
+    """A cut, a feed or a bent wire."""
+
+    touch: Annotated[int, Field(ge=0)]
+    change_mm: float
+
+
+class EffectsEntry(Strict):
+    """The effects of a truth file."""
+
+    sigma_mm: NotNegative | None = None
+    joint_noise_deg: NotNegative = 0.0
+    joint_noise_mm: NotNegative = 0.0
+    backlash_deg: NotNegative = 0.0
+    backlash_mm: NotNegative = 0.0
+    relay_delay_ms: NotNegative = 0.0
+    servo_ms: Annotated[float, Field(gt=0)] = 1.0
+    bounce_ms: NotNegative = 0.0
+    wire: tuple[WireChange, ...] = ()
+
+
+class TruthFile(Strict):
+    """A truth file."""
+
+    name: str = ""
+    source: str = ""
+    parameters: dict[str, float] = Field(default_factory=dict)
+    faces_mm: dict[str, float] = Field(default_factory=dict)
+    effects: EffectsEntry = EffectsEntry()
+
+
+def truths() -> dict[str, Path]:
+    """The truths that travel with touchcal, by name."""
+    folder = Path(str(package_files("identify.model") / "library" / "truths"))
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def truth_path(name: str) -> Path:
+    """The file that `library:NAME` or a path stands for; raises InputError where the library has none such."""
+    if not name.startswith(LIBRARY):
+        return Path(name)
+    short, known = name.removeprefix(LIBRARY), truths()
+    if short not in known:
+        raise InputError(f"the library has no truth '{short}'{nearest(short, known)}; it has {', '.join(known)}")
+    return known[short]
+
+
+def read_truth(path: Path, cell: Cell) -> Truth:
+    """Read a truth file for a cell; raises InputError with every mistake."""
+    file, document = load(path, TruthFile)
+    wrong = _unknown(file, document, cell)
+    if wrong:
+        raise InputError(wrong)
+    names, unit = cell.robot.parameters, cell.robot.parameter_unit()
+    theta = cell.theta.copy()
+    for name, value in file.parameters.items():
+        theta[names.index(name)] = value * unit[names.index(name)]
+    return Truth(theta, _effects(file.effects), dict(file.faces_mm), file.name or path.stem)
+
+
+def draw_truth(cell: Cell, rng: np.random.Generator, *, scale: float = 1.0, jig: bool = False) -> Truth:
+    """A robot drawn from the cell's priors times `scale`; with `jig`, faces off their drawing by their tolerances.
+
+    Parameters that the cell calls fixed, or does not know at all (base or tool to be fitted), keep the cell's value;
+    bounds hold.
+    """
+    names = cell.robot.parameters
+    spread = np.where(np.isfinite(cell.prior), cell.prior, 0.0)
+    spread[[name in cell.fixed for name in names]] = 0.0
+    theta = cell.theta + scale * spread * rng.standard_normal(len(names))
+    lower, upper = np.array([cell.bounds.get(name, (-np.inf, np.inf)) for name in names]).T
+    faces = {} if cell.jig is None or not jig else {f.name: f.tolerance * rng.standard_normal() for f in cell.jig.faces}
+    return Truth(np.clip(theta, lower, upper), faces=faces, name="drawn")
+
+
+def with_effects(truth: Truth, **effects: object) -> Truth:
+    """The same truth with some of its effects changed."""
+    return replace(truth, effects=replace(truth.effects, **effects))  # type: ignore[arg-type]
+
+
+def _effects(entry: EffectsEntry) -> Effects:
+    ms = 0.001
+    return Effects(
+        sigma=entry.sigma_mm, joint_noise=(entry.joint_noise_mm, entry.joint_noise_deg * DEG),
+        backlash=(entry.backlash_mm, entry.backlash_deg * DEG), relay_delay=entry.relay_delay_ms * ms,
+        servo=entry.servo_ms * ms, bounce=entry.bounce_ms * ms,
+        wire=tuple((change.touch, change.change_mm) for change in entry.wire),
+    )  # fmt: skip
+
+
+def _unknown(file: TruthFile, document: Document, cell: Cell) -> list[Mistake]:
+    """Parameters and faces that the cell does not have."""
+    names, faces = cell.robot.parameters, () if cell.jig is None else tuple(cell.jig.by_name)
+    wrong = [
+        document.wrong(f"robot '{cell.robot.name}' has no parameter '{n}'{nearest(n, names)}", "parameters", n)
+        for n in file.parameters
+        if n not in names
+    ]
+    return wrong + [document.wrong(cell.unknown_face(n), "faces_mm", n) for n in file.faces_mm if n not in faces]
