@@ -1,0 +1,99 @@
+"""What touches tell about a robot: rows of the Jacobian in a whitened identifiable basis, and what they add up to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.calibration import Calibration
+from identify.model.cell import Cell
+from identify.model.files import InputError
+from identify.model.identifiability import structure
+from identify.model.measurement import MeasurementModel, Rows
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What is known of a robot before the touches that are being planned.
+
+    The basis is whitened: coordinate k of the kept parameters is measured in units of its prior standard deviation.
+    """
+
+    cell: Cell
+    theta: Float[np.ndarray, " parameters"]  # [mm, rad], where rows are taken
+    names: tuple[str, ...]  # of the kept parameters
+    precision: Float[np.ndarray, "kept kept"]  # information before the first planned touch, in the whitened basis
+
+    @cached_property
+    def kept(self) -> list[int]:
+        """Places of the kept parameters among all."""
+        return [self.cell.robot.parameters.index(name) for name in self.names]
+
+    @cached_property
+    def scale(self) -> Float[np.ndarray, " kept"]:
+        """One unit of each coordinate [mm] or [rad]."""
+        return self.cell.scale[self.kept]
+
+    @cached_property
+    def model(self) -> MeasurementModel:
+        """The equation of a touch."""
+        return MeasurementModel(self.cell.robot)
+
+    def rows(
+        self,
+        q: Float[np.ndarray, "touches joints"],
+        normal: Float[np.ndarray, "touches 3"],
+        sigma: Float[np.ndarray, " touches"],
+        theta: Float[np.ndarray, " parameters"] | None = None,
+    ) -> Float[np.ndarray, "touches kept"]:
+        """Gradients of touches in units of sigma a prior standard deviation; their products add up to information."""
+        m, wire = len(q), self.cell.wire
+        radius = np.full(m, wire.radius if wire.shape == "flat" else 0.0)
+        touches = Rows(q, normal, np.zeros(m), radius, sigma, (), np.arange(m))
+        J = self.model.linearize(self.theta if theta is None else theta, touches)[1]
+        return J[:, self.kept] * self.scale / sigma[:, None]
+
+    def tip_rows(
+        self, q: Float[np.ndarray, "poses joints"], theta: Float[np.ndarray, " parameters"] | None = None
+    ) -> Float[np.ndarray, "poses 3 kept"]:
+        """How the tip moves with the whitened parameters [mm]."""
+        J = self.cell.kinematics.tip_jacobian(q, self.theta if theta is None else theta)[1]
+        return J[:, :, self.kept] * self.scale
+
+    def covariance(self, rows: Float[np.ndarray, "touches kept"]) -> Float[np.ndarray, "kept kept"]:
+        """Covariance of the whitened parameters after touches, by the estimator's own weights (MAP)."""
+        return np.linalg.inv(self.precision + rows.T @ rows)
+
+
+def nominal_knowledge(cell: Cell) -> Knowledge:
+    """What drawing and tolerances tell; raises InputError where base or tool stand nowhere yet."""
+    for name, pose in (("base", cell.base), ("tool", cell.tool)):
+        if pose is None:
+            raise InputError(
+                f"{name}: fit leaves open where the {name} stands, and touches cannot be planned for a robot that may "
+                "be anywhere; write its nominal pose in cell.yaml, or give an earlier calibration with --after"
+            )
+    kept = structure(cell).kept
+    names = tuple(cell.robot.parameters[i] for i in kept)
+    return Knowledge(cell, cell.theta, names, np.diag((cell.scale[list(kept)] / cell.prior[list(kept)]) ** 2))
+
+
+def knowledge_after(cell: Cell, calibration: Calibration) -> Knowledge:
+    """What an earlier calibration tells: its parameters, and its covariance turned into information."""
+    names = cell.robot.parameters
+    if calibration.cell.robot.parameters != names:
+        raise InputError(
+            f"the calibration is of robot '{calibration.cell.robot.name}' with other parameters than "
+            f"'{cell.robot.name}'; plan with the cell it was made for"
+        )
+    scale = cell.scale[calibration.index]
+    precision = np.linalg.inv(calibration.covariance / np.outer(scale, scale))
+    return Knowledge(cell, calibration.theta, calibration.estimated, (precision + precision.T) / 2)
+
+
+def touch_sigma(cell: Cell, faces: Sequence[str]) -> Float[np.ndarray, " touches"]:
+    """Standard deviations of touches on named faces [mm]: repeatability and machining tolerance in quadrature."""
+    assert cell.jig is not None
+    return np.hypot(cell.touch.sigma, [cell.jig.by_name[name].tolerance for name in faces])
