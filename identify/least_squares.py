@@ -65,9 +65,9 @@ class Objective:
     """Half the sum of losses of weight r(x), plus half of (x / prior)^2, scaled to unit curvature along each unknown.
 
     `linearize` gives residuals and their Jacobian, part by part so that memory stays bounded whatever the number of
-    rows; `weight` is one over sigma, a number a row. The unknowns that Ipopt sees are z = x * norm of their column, so a
-    gradient of 1e-4 is a ten-thousandth of a standard deviation where columns are independent; asked for much less, the
-    line search drowns in rounding.
+    rows; `weight` is one over sigma, a number a row. The unknowns that Ipopt sees are z = x * norm of their column, so
+    a gradient of 1e-4 is a ten-thousandth of a standard deviation where columns are independent; asked for much less,
+    the line search drowns in rounding.
     """
 
     linearize: Callable[[np.ndarray], Iterable[Part]]
