@@ -1,11 +1,14 @@
 """One compiled CasADi function evaluated at many points at once, NumPy arrays in and out."""
 
+from functools import cached_property
 from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 
-CHUNK = 2048  # rows evaluated in one call, so that memory stays bounded whatever the number of touches
+from identify.model.tape import FEWEST, Tape
+
+CHUNK = 2048  # rows that CasADi evaluates in one call, so that memory stays bounded whatever the number of touches
 
 
 class Mapped:
@@ -16,6 +19,10 @@ class Mapped:
         self.shapes = [function.size_out(i) for i in range(function.n_out())]
         self._maps: dict[int, ca.Function] = {}
 
+    @cached_property
+    def _tape(self) -> Tape:
+        return Tape(self.function)
+
     def __call__(self, *arguments: np.ndarray) -> tuple[np.ndarray, ...]:
         """Outputs of every row; an argument without a row axis is shared by all rows.
 
@@ -23,6 +30,9 @@ class Mapped:
         """
         rows = self._rows(arguments)
         out = [np.empty((rows, width, height)) for height, width in self.shapes]
+        if rows >= FEWEST and self._tape.playable:
+            self._tape.play(arguments, [o.reshape(rows, -1) for o in out])
+            return tuple(_squeezed(o) for o in out)
         for start in range(0, rows, CHUNK):
             size = min(CHUNK, rows - start)
             self._evaluate(
