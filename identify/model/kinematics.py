@@ -33,12 +33,17 @@ def _constant(T: np.ndarray, M: ca.SX, w: ca.SX) -> ca.SX:
     return M if np.array_equal(T, np.eye(4)) else ca.SX(T[:3, :3]) @ M + ca.SX(T[:3, 3]) @ w
 
 
+def _link(robot: Robot, i: int, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX:
+    """Columns of M carried from the frame of link i + 1 to that of link i (equation 4)."""
+    offset, d, a, alpha, beta = ca.vertsplit(theta[6 + 5 * i : 11 + 5 * i])
+    turn, slide = (offset, d + q[i]) if robot.prismatic[i] else (offset + q[i], d)
+    return _rz(turn, ca.vertcat(a, 0, slide) @ w + _rx(alpha, _ry(beta, M)))
+
+
 def base_T_link(robot: Robot, link: int, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX:
     """Columns of M carried from the frame of a link to the base by A_1 ... A_link (equations 3 and 4)."""
     for i in reversed(range(link)):
-        offset, d, a, alpha, beta = ca.vertsplit(theta[6 + 5 * i : 11 + 5 * i])
-        turn, slide = (offset, d + q[i]) if robot.prismatic[i] else (offset + q[i], d)
-        M = _rz(turn, ca.vertcat(a, 0, slide) @ w + _rx(alpha, _ry(beta, M)))
+        M = _link(robot, i, q, theta, M, w)
     return _constant(robot.base_T_first, M, w)
 
 
@@ -51,6 +56,24 @@ def jig_T_tip(robot: Robot, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX
     joints = len(robot.joints)
     M = _constant(robot.last_T_flange, _frame(theta[6 + 5 * joints :], M, w), w)
     return _frame(theta[:6], base_T_link(robot, joints, q, theta, M, w), w)
+
+
+def jig_T_tip_and_twists(robot: Robot, q: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The tip in the jig frame (3 x 4), and velocity above spin of the tip per unit of each joint, in the tip's frame.
+
+    On the way from the tip back to the jig every joint sees the tip from its own frame, where its axis is z: the
+    geometric Jacobian (Whitney 1972) costs nine operations a joint.
+    """
+    joints = len(robot.joints)
+    w = ca.SX([[0, 0, 0, 1]])
+    M = _constant(robot.last_T_flange, _frame(theta[6 + 5 * joints :], ca.SX.eye(4)[:3, :], w), w)
+    twists = []
+    for i in reversed(range(joints)):
+        M = _link(robot, i, q, theta, M, w)
+        R, p = M[:, :3], M[:, 3]
+        turning = ca.vertcat(p[0] * R[1, :].T - p[1] * R[0, :].T, R[2, :].T)
+        twists.append(ca.vertcat(R[2, :].T, ca.SX(3, 1)) if robot.prismatic[i] else turning)
+    return _frame(theta[:6], _constant(robot.base_T_first, M, w), w), ca.horzcat(*reversed(twists))
 
 
 def symbols(robot: Robot) -> tuple[ca.SX, ca.SX]:
@@ -90,13 +113,10 @@ class Kinematics:
     @cached_property
     def pose_jacobian(self) -> Mapped:
         """pose_jacobian:(q[N],theta[P])->(position[3],rotation[3x3],J[6xN]): velocity and spin of the tip."""
-        p, R = self._tip[:, 3], self._tip[:, :3]
-        spin = [ca.jacobian(ca.vec(R), self.q[i]) for i in range(len(self.robot.joints))]
-        W = [ca.reshape(s, 3, 3) @ R.T for s in spin]
-        angular = ca.horzcat(*[ca.vertcat(w[2, 1], w[0, 2], w[1, 0]) for w in W])
-        return self._compiled(
-            "pose_jacobian", {"position": p, "rotation": R, "J": ca.vertcat(ca.jacobian(p, self.q), angular)}
-        )
+        T, twists = jig_T_tip_and_twists(self.robot, self.q, self.theta)
+        p, R = T[:, 3], T[:, :3]
+        J = ca.vertcat(R @ twists[:3, :], R @ twists[3:, :])
+        return self._compiled("pose_jacobian", {"position": p, "rotation": R, "J": J})
 
     @cached_property
     def flange(self) -> Mapped:
@@ -111,5 +131,9 @@ class Kinematics:
     def links(self) -> Mapped:
         """links:(q[N],theta[P])->(T0[3x4], ..., TN[3x4]): frames 0 (base) to N of the links, in the jig frame."""
         M, w = ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]])
-        frames = [base_T_link(self.robot, i, self.q, self.theta, M, w) for i in range(len(self.robot.joints) + 1)]
-        return self._compiled("links", {f"T{i}": _frame(self.theta[:6], T, w) for i, T in enumerate(frames)})
+        T = _frame(self.theta[:6], _constant(self.robot.base_T_first, M, w), w)
+        outputs = {"T0": T}
+        for i in range(len(self.robot.joints)):
+            T = T[:, :3] @ _link(self.robot, i, self.q, self.theta, M, w) + T[:, 3] @ w
+            outputs[f"T{i + 1}"] = T
+        return self._compiled("links", outputs)
