@@ -214,7 +214,7 @@ class _Problem:
         """Robust scatter in units of sigma, at least 1: the median absolute residual, corrected for the parameters."""
         r = (self.residual(x) / self.rows.sigma)[used]
         freedom = max(len(r) - len(self.kept), 1)
-        return max(1.0, 1.4826 * float(np.median(np.abs(r))) * np.sqrt(len(r) / freedom))
+        return max(1.0, 1.4826 * float(np.quantile(np.abs(r), 0.5)) * np.sqrt(len(r) / freedom))
 
     def _agreeing(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Rows of touches whose residual is within what chance makes of a good touch, leverage considered."""

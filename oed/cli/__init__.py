@@ -1,0 +1,93 @@
+"""The command line: a command is a typed function whose docstring is its help; it reads files and writes files."""
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import TextIO
+
+from cyclopts import App, CycloptsError
+from cyclopts.exceptions import UnknownCommandError
+
+COMMANDS = {
+    "demo": "The whole loop on the embedded virtual robot: plan, touch, identify, verify.",
+    "plan": "Choose the touches that tell the most about the robot.",
+    "identify": "Identify the parameters that put every touch on its face.",
+    "verify": "Errors at touches or positions that the fit has not seen.",
+}
+"""What each command does, in one line; its module in this package is loaded only when it runs."""
+
+BAD_INPUT, FAILED = 2, 1
+
+
+def application(chosen: str = "") -> App:
+    """The command line: the chosen command is explained by its docstring, the others by a line, without loading them."""
+    app = App(
+        name="touchcal",
+        help="Calibrate a welding robot with its own wire, a machined jig and a serial line.",
+        help_epilogue="" if chosen else "Start with: touchcal demo -o demo. More of a command: touchcal plan --help.",
+        version_flags=["--version"],
+        result_action="return_value",
+        help_formatter="plain",
+        help_format="markdown" if chosen else "plaintext",  # its renderer takes longer to load than all of the rest
+    )
+    for name, line in COMMANDS.items():
+        app.command(f"oed.cli.{name}:{name}", name=name, **({} if name == chosen else {"help": line}))
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command; exit 0 when it worked, 2 on bad input, 1 when the work failed, never with a traceback."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    warnings.showwarning = _warn
+    try:
+        chosen = arguments[0] if arguments and arguments[0] in COMMANDS else ""
+        code = application(chosen)(arguments, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        _say(f"{_sentence(error, arguments)}; see touchcal --help")
+        code = BAD_INPUT
+    except KeyboardInterrupt:
+        _say("stopped by the operator; what was finished is on disk")
+        code = 130
+    except Exception as error:
+        if os.environ.get("TOUCHCAL_DEBUG"):
+            raise
+        code = _answer(error)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _sentence(error: CycloptsError, arguments: Sequence[str]) -> str:
+    """What was wrong with the words of the command line."""
+    if isinstance(error, UnknownCommandError):
+        close = get_close_matches(arguments[0], COMMANDS, 1)
+        return f"there is no command '{arguments[0]}'" + (f"; did you mean '{close[0]}'?" if close else "")
+    return str(error).rstrip(".")
+
+
+def _answer(error: Exception) -> int:
+    """One sentence for what went wrong, and the exit code that goes with it."""
+    from identify.calibration import CalibrationFailed
+    from identify.model.files import InputError
+
+    if isinstance(error, InputError):
+        _say(str(error))
+        return BAD_INPUT
+    if isinstance(error, CalibrationFailed):
+        _say(str(error))
+        return FAILED
+    _say(
+        f"unexpected {type(error).__name__}: {error}; please report it with the output of TOUCHCAL_DEBUG=1 touchcal ..."
+    )
+    return FAILED
+
+
+def _say(text: str) -> None:
+    print(f"touchcal: {text}", file=sys.stderr)
+
+
+def _warn(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None,
+    line: str | None = None,
+) -> None:  # fmt: skip
+    _say(f"warning: {message}")

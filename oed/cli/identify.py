@@ -1,0 +1,130 @@
+"""`touchcal identify`."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from identify.calibration import calibrate
+from identify.model.calibration import Calibration, summarize, write_calibration
+from oed.cli.options import CellFile, Json, Seed, TrustUnits, errors_table, load_cell, print_json, read_measured
+
+
+def identify(
+    *files: Path,
+    cell: CellFile = Path("cell.yaml"),
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("calibration.json"),
+    loss: Literal["huber", "linear", "cauchy"] = "huber",
+    priors: bool = True,
+    seed: Seed = 0,
+    trust_units: TrustUnits = False,
+    json: Json = False,
+) -> None:
+    """Identify the parameters that put every touch on its face.
+
+    Touches and measured tip positions may be mixed; a file with columns x_mm, y_mm, z_mm holds positions. Touches that
+    disagree with all others are named and left out. Example:
+
+        touchcal identify touches.csv positions.csv -o calibration.json
+
+    Parameters
+    ----------
+    files
+        touches.csv and positions.csv files, one or more.
+    output
+        Where the identified robot is written.
+    loss
+        How touches that disagree are found: huber, cauchy, or linear to use all touches as they are.
+    priors
+        Use the tolerances of the cell file beside the touches (maximum a posteriori).
+    """
+    from identify.model.files import InputError
+
+    if not files:
+        raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
+    described = load_cell(cell)
+    measured, inputs = read_measured(files, described, trust_units)
+    found = calibrate(described, *measured, loss=loss, priors=priors, rng=_generator(seed), inputs=inputs)
+    write_calibration(output, found)
+    if json:
+        print_json(summary(found))
+    else:
+        print(story(found, output))
+
+
+def _generator(seed: int) -> Any:
+    import numpy as np
+
+    return np.random.default_rng(seed)
+
+
+def summary(c: Calibration) -> dict[str, Any]:
+    """What `--json` says."""
+    return {
+        "rank": len(c.estimated),
+        "estimated": list(c.estimated),
+        "eliminated": {name: dict(terms) for name, terms in c.combinations.items()},
+        "weak": list(c.weak),
+        "outliers": dict(c.outliers),
+        "scatter": c.scatter,
+        "fit": asdict(c.fit),
+        "held_out": None if c.held_out is None else asdict(c.held_out),
+        "iterations": c.iterations,
+        "solve_s": c.solve_s,
+    }
+
+
+def story(c: Calibration, output: Path) -> str:
+    """The result as a person reads it."""
+    import numpy as np
+
+    before = summarize(np.array([r.before_mm for r in c.residuals.values() if r.used]))
+    lines = [
+        f"{len(c.estimated)} of {len(c.theta)} parameters identified from {len(c.residuals)} measurements, "
+        f"{c.iterations} iterations, {1000 * c.solve_s:.0f} ms",
+        "",
+        errors_table({"nominal robot, residuals": before, "fit (no accuracy)": c.fit, "regions held out": c.held_out}),
+        "",
+        *_scatter(c),
+        *_listed("left out, they disagree", [f"{name} ({r:+.2f} mm)" for name, r in c.outliers.items()]),
+        *_listed("weak, the tolerances tell more", c.weak),
+        *_listed("eliminated", [_carried(name, terms) for name, terms in c.combinations.items()]),
+        "",
+        *_parameters(c),
+        "",
+        f"wrote {output}; an accuracy comes from touches not used here: touchcal verify {output} FILE",
+    ]
+    return "\n".join(lines)
+
+
+def _scatter(c: Calibration) -> list[str]:
+    if not c.scatter_significant:
+        return [f"residuals scatter as the stated sigma says (x {c.scatter:.2f})"]
+    if c.scatter < 1:
+        return [f"residuals scatter less than the stated sigma (x {c.scatter:.2f}): sigma_mm may be smaller"]
+    return [
+        f"residuals scatter {c.scatter:.2f} times the stated sigma: intervals are widened by that; the touches are",
+        "worse than stated (joints read before the robot settled?), or the robot bends more than the model knows",
+    ]
+
+
+def _listed(title: str, items: Any) -> list[str]:
+    return [f"{title}: {', '.join(items)}"] if items else []
+
+
+def _carried(name: str, terms: Any) -> str:
+    if not terms:
+        return f"{name} (no effect on the tip)"
+    return f"{name} ({', '.join(f'{c:+.4g} {kept}' for kept, c in terms.items())})"
+
+
+def _parameters(c: Calibration) -> list[str]:
+    """Changes and 95 % intervals of the estimated parameters."""
+    unit = c.cell.robot.parameter_unit()
+    lines = [f"{'parameter':16}{'start':>12}{'identified':>12}{'change':>10}{'+- (95 %)':>11}"]
+    for i in c.index:
+        start, value, sigma = c.start[i] / unit[i], c.theta[i] / unit[i], c.sigma[i] / unit[i]
+        name = f"{c.cell.robot.parameters[i]} {'deg' if c.cell.robot.angular[i] else 'mm'}"
+        lines.append(f"{name:16}{start:12.3f}{value:12.3f}{value - start:10.3f}{1.96 * sigma:11.3f}")
+    return lines

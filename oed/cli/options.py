@@ -1,0 +1,89 @@
+"""Options that several commands share, and how results are printed."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from identify.model.calibration import Errors
+from identify.model.cell import Cell
+from identify.model.description import read_cell
+from identify.model.files import InputError, digest
+from identify.model.tables import is_positions, read_positions, read_touches
+from identify.model.touch import Positions, Touches
+
+CellFile = Annotated[Path, Parameter(name="--cell", help="The file that describes robot, jig, tool and zone.")]
+Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print a machine-readable summary on stdout.")]
+Seed = Annotated[int, Parameter(name="--seed", help="The same seed gives the same result.")]
+TrustUnits = Annotated[
+    bool,
+    Parameter(name="--trust-units", negative=(), help="Read numbers as they are, even if they look like rad or m."),
+]
+
+
+def read_measured(
+    paths: Sequence[Path], cell: Cell, trust_units: bool
+) -> tuple[list[Touches | Positions], dict[str, str]]:
+    """Touches and positions of several files, and the hashes of the files; raises InputError with all mistakes."""
+    tables: list[Touches | Positions] = []
+    mistakes: list[Any] = []
+    for path in paths:
+        try:
+            reader = read_positions if path.is_file() and is_positions(path) else read_touches
+            tables.append(reader(path, cell, trust_units=trust_units))
+        except InputError as error:
+            mistakes += error.mistakes
+    if mistakes:
+        raise InputError(mistakes)
+    return _distinct(paths, tables), {path.name: digest(path) for path in paths}
+
+
+def _distinct(paths: Sequence[Path], tables: list[Touches | Positions]) -> list[Touches | Positions]:
+    """Ids that stand in several files are told apart by the name of their file."""
+    from dataclasses import replace
+
+    ids = [name for table in tables for name in table.ids]
+    if len(set(ids)) == len(ids):
+        return tables
+    pairs = zip(paths, tables, strict=True)
+    return [replace(table, ids=tuple(f"{path.stem}:{name}" for name in table.ids)) for path, table in pairs]
+
+
+def load_cell(path: Path) -> Cell:
+    """Read the cell file; says how to get one where there is none."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file; describe the cell there, or name it with --cell FILE")
+    return read_cell(path)
+
+
+def print_json(summary: Mapping[str, Any]) -> None:
+    """One JSON document on stdout."""
+    print(json.dumps(summary, indent=1))
+
+
+def errors_table(rows: Mapping[str, Errors | None]) -> str:
+    """Errors as lines of a table, millimetres."""
+    lines = [f"{'':32}{'n':>6}{'mean':>9}{'RMS':>9}{'95 %':>9}{'max':>9}  mm"]
+    for name, e in rows.items():
+        numbers = "" if e is None else f"{e.n:6d}{e.mean_mm:9.3f}{e.rms_mm:9.3f}{e.p95_mm:9.3f}{e.max_mm:9.3f}"
+        lines.append(f"{name:32}{numbers}" if e else f"{name:32}{'none could be spared':>26}")
+    return "\n".join(lines)
+
+
+@contextmanager
+def progress(show: bool) -> Iterator[Callable[[str, float], None]]:
+    """A progress bar on stderr for a person; nothing where nobody looks."""
+    if not (show and sys.stderr.isatty()):
+        yield lambda what, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:24}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda what, share: bar.update(task, description=what, completed=share)
