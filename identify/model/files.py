@@ -5,10 +5,10 @@ import hashlib
 import io
 import os
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -91,18 +91,18 @@ class Sheet:
     lines: list[int]
     mistakes: list[Mistake] = field(default_factory=list)
 
-    def wrong(self, row: int | None, text: str) -> None:
-        """Note a mistake in a row, or in the header where `row` is None."""
-        self.mistakes.append(Mistake(self.file, 1 if row is None else self.lines[row], text))
+    def wrong(self, row: int, text: str) -> None:
+        """Note a mistake in a row."""
+        self.at(self.lines[row], text)
+
+    def at(self, line: int, text: str) -> None:
+        """Note a mistake at a line: 1 is the header, 0 the whole file."""
+        self.mistakes.append(Mistake(self.file, line, text))
 
     def stop(self) -> None:
         """Raise what was found, all of it."""
         if self.mistakes:
             raise InputError(self.mistakes)
-
-    def fail(self, text: str) -> NoReturn:
-        """Raise one mistake of the whole file, after all others."""
-        raise InputError([*self.mistakes, Mistake(self.file, 0, text)])
 
     def text(self, name: str, default: str = "") -> list[str]:
         """A column of text, stripped."""
@@ -110,6 +110,8 @@ class Sheet:
 
     def numbers(self, name: str, default: float | None = None) -> np.ndarray:
         """A column of finite numbers; empty cells take the default, or are mistakes where there is none."""
+        if name not in self.columns:  # a mistake already where the column is required
+            return np.full(len(self.lines), np.nan if default is None else default)
         cells = self.text(name)
         try:
             values = np.array(cells, dtype=float)  # the whole column at once: the usual case of a clean file
@@ -132,49 +134,67 @@ class Sheet:
         return value
 
 
-def read_sheet(path: Path, required: Iterable[str], known: Iterable[str]) -> Sheet:
-    """Read a CSV file with a header line; unknown columns warn, missing ones and torn lines are mistakes."""
+def read_sheet(path: Path, required: Sequence[str], known: Iterable[str]) -> Sheet:
+    """Read a CSV file with a header line; unknown columns warn, missing ones and torn lines are noted as mistakes."""
     import warnings
 
     text = read_text(path)
-    lines = text.splitlines()
-    if not lines:
+    if not text.strip():
         raise InputError([Mistake(str(path), 0, "the file is empty, expected a header line and rows")])
-    reader = csv.reader(io.StringIO(text), skipinitialspace=True)
-    header = [name.strip() for name in next(reader)]
-    sheet = Sheet(str(path), {name: [] for name in header}, [])
-    if len(sheet.columns) < len(header):
-        repeated = sorted({name for name in header if header.count(name) > 1})
-        sheet.fail(f"column {', '.join(map(repr, repeated))} appears twice in the header; keep one")
-    for row in reader:
-        _add_row(sheet, header, row, reader.line_num)
-    if not text.endswith("\n"):
-        sheet.mistakes.append(
-            Mistake(
-                sheet.file,
-                len(lines),
-                "the last line does not end, it may be torn; complete it and end it with a newline, or delete it",
-            )
-        )
-    for name in required:
-        if name not in sheet.columns:
-            sheet.wrong(None, f"column '{name}' is missing{nearest(name, header)}")
-    sheet.stop()
-    unknown = [name for name in header if name not in set(known) | set(required)]
-    if unknown:
+    torn = 0 if text.endswith("\n") else text.count("\n") + 1
+    sheet = Sheet(str(path), {}, [])
+    rows = _rows(sheet, text)
+    header = [name.strip() for name in next(rows, (1, []))[1]]
+    while header and not header[-1]:  # spreadsheets leave commas behind
+        header.pop()
+    sheet.columns |= {name: [] for name in header}
+    known = {*known, *required}
+    unknown = [name for name in header if name not in known]
+    _check_header(sheet, header, required, unknown)
+    for line, row in rows:
+        _add_row(sheet, header, row, line, torn)
+    if torn:
+        cure = "complete it and end it with a newline, or delete it"
+        sheet.at(torn, f"the last line does not end, it may be torn; {cure}")
+    if unknown and not sheet.mistakes:
         warnings.warn(f"{path}: unknown column {', '.join(map(repr, unknown))} ignored", stacklevel=2)
     return sheet
 
 
-def _add_row(sheet: Sheet, header: list[str], row: list[str], line: int) -> None:
+def _rows(sheet: Sheet, text: str) -> Iterator[tuple[int, list[str]]]:
+    """Lines and their cells, as far as they can be told apart."""
+    reader = csv.reader(io.StringIO(text), skipinitialspace=True)
+    try:
+        for row in reader:
+            yield reader.line_num, row
+    except csv.Error as error:
+        sheet.at(reader.line_num, f"{error}; is a quotation mark left open?")
+
+
+def _check_header(sheet: Sheet, header: list[str], required: Sequence[str], unknown: list[str]) -> None:
+    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
+        text = "columns are parted by semicolons or tabs; save the file with commas, and points in numbers"
+        raise InputError([Mistake(sheet.file, 1, text)])
+    repeated = sorted({name for name in header if header.count(name) > 1})
+    if repeated:
+        sheet.at(1, f"column {', '.join(map(repr, repeated))} stands twice in the header; keep one")
+    for name in required:
+        if name not in sheet.columns:
+            sheet.at(1, f"column '{name}' is missing{nearest(name, unknown)}")
+
+
+def _add_row(sheet: Sheet, header: list[str], row: list[str], line: int, torn: int) -> None:
     if not any(cell.strip() for cell in row):
         return
+    while len(row) > len(header) and not row[-1].strip():
+        row.pop()
     if len(row) != len(header):
         cure = "the line is cut short; complete or delete it" if len(row) < len(header) else "is a decimal comma in it?"
-        sheet.mistakes.append(Mistake(sheet.file, line, f"{len(row)} cells where the header has {len(header)}; {cure}"))
+        if line != torn:
+            sheet.at(line, f"{len(row)} cells where the header has {len(header)}; {cure}")
         return
     sheet.lines.append(line)
-    for name, cell in zip(header, row, strict=True):
+    for name, cell in dict(zip(header, row, strict=True)).items():
         sheet.columns[name].append(cell)
 
 
@@ -182,8 +202,9 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """A hint at the name that was meant, or nothing."""
     import difflib
 
-    known = list(names)
-    close = difflib.get_close_matches(name, known, 1) or [k for k in known if name and k.startswith(f"{name}_")]
+    known = [k for k in names if k]
+    alike = (k for k in known if name and (k.startswith(f"{name}_") or name.startswith(f"{k}_")))  # but for the unit
+    close = difflib.get_close_matches(name, known, 1) or [*alike]
     return f"; did you mean '{close[0]}'?" if close else ""
 
 

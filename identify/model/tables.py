@@ -1,5 +1,6 @@
 """The CSV files of touches, positions, plans and poses: columns with units in their names, radians inside."""
 
+import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.files import Sheet, read_sheet, sheet_text
+from identify.model.files import Sheet, read_sheet, read_text, sheet_text
+from identify.model.jig import Jig
 from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
 
@@ -57,18 +59,17 @@ def read_positions(path: Path, cell: Cell, *, trust_units: bool = False) -> Posi
     ids, q = _ids(sheet), _joints(sheet, cell.robot, trust_units)
     point = _block(sheet, POINT)
     sigma = _sigma(sheet, cell.touch.sigma)
-    spread = np.ptp(point, axis=0).max(initial=0.0)
-    if len(ids) > 1 and spread < 10.0 and not trust_units:
-        sheet.fail(f"all positions lie within {spread:.3g} mm: metres? write millimetres, or say --trust-units")
+    spread = np.ptp(point, axis=0).max() if len(ids) > 1 else np.inf
+    if spread < 10.0 and not trust_units:
+        sheet.at(0, f"all positions lie within {spread:.3g} mm: metres? write millimetres, or say --trust-units")
     sheet.stop()
     return Positions(tuple(ids), q, point, sigma)
 
 
 def is_positions(path: Path) -> bool:
     """Whether a file holds measured positions rather than touches, by its header line."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        header = {name.strip() for name in file.readline().split(",")}
-    return header >= set(POINT)
+    header = next(csv.reader([read_text(path).partition("\n")[0]], skipinitialspace=True), [])
+    return {name.strip() for name in header} >= set(POINT)
 
 
 def read_plan(path: Path, cell: Cell) -> Plan:
@@ -79,7 +80,7 @@ def read_plan(path: Path, cell: Cell) -> Plan:
     )
     face = sheet.text("face")
     for row, name in enumerate(face):
-        if cell.jig is None or name not in cell.jig.by_name:
+        if "face" in sheet.columns and (cell.jig is None or name not in cell.jig.by_name):
             sheet.wrong(row, cell.unknown_face(name))
     unit = robot.joint_unit()
     plan = Plan(
@@ -100,8 +101,11 @@ def plan_text(plan: Plan, robot: Robot) -> str:
     return sheet_text(columns)
 
 
-def touches_text(touches: Touches, robot: Robot) -> str:
-    """Touches as the text of touches.csv; a plane is written as numbers only where no face names it."""
+def touches_text(touches: Touches, robot: Robot, jig: Jig | None = None) -> str:
+    """Touches as the text of touches.csv; a plane is written as numbers only where no face names it.
+
+    The scatter of a touch on a named face is written where the jig is given: without its tolerance, which reading adds.
+    """
     named = np.array([bool(name) for name in touches.face], dtype=bool)
     plane = np.column_stack([touches.normal, touches.offset])
     plane[named] = np.nan
@@ -109,7 +113,10 @@ def touches_text(touches: Touches, robot: Robot) -> str:
         "id": touches.ids, "time": touches.time, "status": touches.status, "face": touches.face,
     }  # fmt: skip
     columns |= dict(zip(PLANE, plane.T, strict=True))
-    columns["sigma_mm"] = np.where(named, np.nan, touches.sigma)  # a face's tolerance is added again on reading
+    faces = {} if jig is None else jig.by_name
+    tolerance = np.array([faces[name].tolerance if name in faces else np.nan for name in touches.face])
+    own = np.where(named, touches.sigma**2 - tolerance**2, touches.sigma**2)
+    columns["sigma_mm"] = np.sqrt(own, where=own > 0, out=np.full(len(touches), np.nan))
     columns |= dict(zip(joint_columns(robot), (touches.q / robot.joint_unit()).T.round(9), strict=True))
     columns |= {"temperature_c": touches.temperature, "note": touches.note}
     return sheet_text(columns)
@@ -139,7 +146,7 @@ def _optional(sheet: Sheet, name: str) -> np.ndarray:
 
 def _ids(sheet: Sheet) -> list[str]:
     ids, first = sheet.text("id"), dict[str, int]()
-    for row, name in enumerate(ids):
+    for row, name in enumerate(ids if "id" in sheet.columns else []):
         if not name:
             sheet.wrong(row, "id is empty; give every row a name of its own")
         elif name in first:
@@ -153,7 +160,7 @@ def _joints(sheet: Sheet, robot: Robot, trust_units: bool) -> Float[np.ndarray, 
     turning = values[:, ~np.array(robot.prismatic)]
     largest = np.nanmax(np.abs(turning), initial=0.0)
     if len(values) >= 3 and 0 < largest < 7 and not trust_units:
-        sheet.fail(f"no joint angle is larger than {largest:.3g}: radians? write degrees, or say --trust-units")
+        sheet.at(0, f"no joint angle is larger than {largest:.3g}: radians? write degrees, or say --trust-units")
     return values * robot.joint_unit()
 
 
@@ -191,7 +198,7 @@ def _planes(
     for row in np.flatnonzero(differs).tolist():
         sheet.wrong(row, f"the plane in numbers is not that of face '{face[row]}'; keep one of the two")
     if by_numbers.sum() >= 3 and not trust_units and 0 < np.abs(given[by_numbers, 3]).max() < 5.0:
-        sheet.fail(
-            "no plane lies further than 5 mm from the jig's origin: metres? write millimetres, or say --trust-units"
+        sheet.at(
+            0, "no plane lies further than 5 mm from the jig's origin: metres? write millimetres, or say --trust-units"
         )
     return face, plane[:, :3], plane[:, 3], tolerance
