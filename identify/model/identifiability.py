@@ -52,8 +52,8 @@ def structure(
 
     `theta` is where the columns are taken, the nominal parameters if not given. Joints in `still` keep their value
     [rad] or [mm]; all others move between their limits. Columns are scaled by the cell's priors and taken in the order
-    of `preference`; one that those before it explain is eliminated. The wire's end is left out: it shows the tool's tilt
-    with a lever of its radius, half a millimetre, which is no ground to estimate it.
+    of `preference`; one that those before it explain is eliminated. The wire's end is left out: it shows the tool's
+    tilt with a lever of its radius, half a millimetre, which is no ground to estimate it.
     """
     robot = cell.robot
     q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (POSES, len(robot.joints)))

@@ -22,7 +22,7 @@ BAD_INPUT, FAILED = 2, 1
 
 
 def application(chosen: str = "") -> App:
-    """The command line: the chosen command is explained by its docstring, the others by a line, without loading them."""
+    """The command line: the chosen command is explained by its docstring, the others by a line and not loaded."""
     app = App(
         name="touchcal",
         help="Calibrate a welding robot with its own wire, a machined jig and a serial line.",
