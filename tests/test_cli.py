@@ -1,0 +1,249 @@
+"""The command line as a user meets it: what it says, what it writes, what it answers to bad input."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from measured import poses_over_jig, positions_at, table_2, touches_at
+
+from identify.model.description import library
+from identify.model.tables import positions_text, touches_text
+from oed.cli import COMMANDS, main
+
+SIGMA = 0.05  # [mm]
+
+
+@pytest.fixture(scope="module")
+def sheets(arc_welder):
+    """Touches for a fit, and positions that it does not see, as text."""
+    rng = np.random.default_rng(4)
+    q, truth = poses_over_jig(arc_welder, 160, rng), table_2(arc_welder)
+    touches = touches_at(arc_welder, truth, q[:100], rng, SIGMA)
+    return {
+        "touches.csv": touches_text(touches, arc_welder.robot),
+        "unseen.csv": positions_text(positions_at(arc_welder, truth, q[100:], rng, SIGMA), arc_welder.robot),
+        "cell.yaml": library("cells")["arc-welder"].read_text(),
+    }
+
+
+@pytest.fixture
+def folder(sheets, tmp_path, monkeypatch):
+    for name, text in sheets.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def touchcal(capsys):
+    def run(*arguments):
+        with pytest.raises(SystemExit) as stop:
+            main([str(a) for a in arguments])
+        said = capsys.readouterr()
+        return stop.value.code, said.out, said.err
+
+    return run
+
+
+def edit(path, change):
+    """Change the lines of a file."""
+    lines = path.read_text().splitlines()
+    change(lines)
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_identify_and_verify_run_through(folder, touchcal):
+    code, out, _ = touchcal("identify", "touches.csv")
+    assert (code, "25 of 42 parameters" in out) == (0, True)
+
+    code, out, _ = touchcal("verify", "calibration.json", "unseen.csv")
+    assert (code, "identified robot, unseen" in out) == (0, True)
+
+
+def test_json_summaries_have_what_the_design_promises(folder, touchcal):
+    identified = json.loads(touchcal("identify", "touches.csv", "--json")[1])
+    verified = json.loads(touchcal("verify", "calibration.json", "unseen.csv", "--json")[1])
+
+    keys = {"rank", "estimated", "eliminated", "weak", "outliers", "fit", "held_out", "iterations", "solve_s"}
+    assert keys <= identified.keys()
+    assert {"n", "mean_mm", "rms_mm", "p95_mm", "max_mm", "promised_p95_mm"} <= verified.keys()
+    assert verified["rms_mm"] < 3 * SIGMA
+
+
+def test_the_same_seed_gives_the_same_calibration(folder, touchcal):
+    touchcal("identify", "touches.csv", "-o", "a.json", "--seed", 3)
+    touchcal("identify", "touches.csv", "-o", "b.json", "--seed", 3)
+    a, b = (json.loads((folder / name).read_text()) for name in ("a.json", "b.json"))
+
+    assert {**a, "solve_s": 0} == {**b, "solve_s": 0}
+
+
+def test_touches_of_two_sessions_with_the_same_ids_are_told_apart(folder, touchcal):
+    (folder / "more.csv").write_text((folder / "touches.csv").read_text())
+
+    code, _, _ = touchcal("identify", "touches.csv", "more.csv")
+
+    assert code == 0
+    assert "more:t1" in json.loads((folder / "calibration.json").read_text())["residuals"]
+
+
+def test_one_percent_of_touches_wrong_by_5_mm_are_named(folder, touchcal):
+    def change(lines):
+        cells = lines[40].split(",")
+        cells[7] = str(float(cells[7]) + 5)
+        lines[40] = ",".join(cells)
+
+    edit(folder / "touches.csv", change)
+
+    code, out, _ = touchcal("identify", "touches.csv", "--json")
+
+    assert code == 0
+    assert list(json.loads(out)["outliers"]) == ["t40"]
+
+
+def radians(lines):
+    for i in range(1, len(lines)):
+        cells = lines[i].split(",")
+        cells[9:15] = [str(np.radians(float(c))) for c in cells[9:15]]
+        lines[i] = ",".join(cells)
+
+
+def metres(lines):
+    for i in range(1, len(lines)):
+        cells = lines[i].split(",")
+        cells[7] = str(float(cells[7]) / 1000)
+        lines[i] = ",".join(cells)
+
+
+def unknown_face(lines):
+    cells = lines[4].split(",")
+    cells[3:8] = ["top-hihg", "", "", "", ""]
+    lines[4] = ",".join(cells)
+
+
+def not_a_number(lines):
+    cells = lines[7].split(",")
+    cells[10] = "nan"
+    lines[7] = ",".join(cells)
+
+
+BAD_TOUCHES = {
+    "radians": (radians, "radians? write degrees"),
+    "metres": (metres, "metres? write millimetres"),
+    "unknown face": (unknown_face, r"touches.csv:5: jig 'step-block' has no face 'top-hihg'; did you mean 'top-high'?"),
+    "not a number": (not_a_number, "touches.csv:8: q2_deg is 'nan', expected a number"),
+    "duplicate id": (lambda lines: lines.append(lines[3]), "touches.csv:102: id 't3' stands already in line 4"),
+    "three touches": (lambda lines: lines.__delitem__(slice(4, None)), "3 equations cannot determine"),
+    "one face": (
+        lambda lines: lines.__setitem__(slice(1, None), [x for x in lines[1:] if ",1.0,0.0,0.0," in x]),
+        "no face looks along",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TOUCHES)
+def test_bad_touches_get_one_sentence_and_nothing_is_written(case, folder, touchcal):
+    change, sentence = BAD_TOUCHES[case]
+    edit(folder / "touches.csv", change)
+    before = sorted(p.name for p in folder.iterdir())
+
+    code, out, err = touchcal("identify", "touches.csv")
+
+    assert (code, out) == (2, "")
+    assert sentence in err
+    assert sorted(p.name for p in folder.iterdir()) == before
+
+
+def test_small_angles_are_read_as_degrees_when_the_user_says_so(folder, touchcal):
+    edit(folder / "touches.csv", radians)
+
+    _, _, err = touchcal("identify", "touches.csv", "--trust-units")
+
+    assert "radians" not in err  # what a robot that hardly moves tells is another matter
+
+
+def test_a_torn_last_line_is_refused(folder, touchcal):
+    path = folder / "touches.csv"
+    path.write_text(path.read_text()[:-30])
+
+    code, _, err = touchcal("identify", "touches.csv")
+
+    assert code == 2
+    assert "touches.csv:101" in err
+    assert not (folder / "calibration.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["identify", "none.csv"], "none.csv: no such file"),
+        (["identify"], "nothing to identify from"),
+        (["identify", "touches.csv", "--cell", "none.yaml"], "none.yaml: no such file"),
+        (["identify", "touches.csv", "-o", "no/such/folder.json"], "cannot be written"),
+        (["identify", "touches.csv", "--loss", "square"], "square"),
+        (["verify", "touches.csv", "unseen.csv"], "not a calibration"),
+        (["verify", "none.json", "unseen.csv"], "none.json: no such file"),
+        (["plam"], "there is no command 'plam'; did you mean 'plan'?"),
+        (["plan", "--nonsense"], "nonsense"),
+    ],
+)
+def test_bad_arguments_get_one_sentence_and_exit_code_2(arguments, sentence, folder, touchcal):
+    code, _, err = touchcal(*arguments)
+
+    assert code == 2
+    assert sentence in err
+    assert "Traceback" not in err
+
+
+def test_touches_of_the_fit_are_refused_as_verification(folder, touchcal):
+    touchcal("identify", "touches.csv")
+
+    code, _, err = touchcal("verify", "calibration.json", "touches.csv")
+
+    assert code == 2
+    assert "100 of 100 measurements were used in the fit" in err
+
+
+def test_a_mistake_in_the_cell_is_told_with_its_line(folder, touchcal):
+    edit(folder / "cell.yaml", lambda lines: lines.append("tuch: {sigma_mm: 0.05}"))
+
+    code, _, err = touchcal("identify", "touches.csv")
+
+    assert code == 2
+    assert "cell.yaml:11: unknown key 'tuch'; did you mean 'touch'?" in err
+
+
+def test_an_old_calibration_survives_a_failed_run(folder, touchcal):
+    touchcal("identify", "touches.csv")
+    before = (folder / "calibration.json").read_text()
+    edit(folder / "touches.csv", not_a_number)
+
+    touchcal("identify", "touches.csv")
+
+    assert (folder / "calibration.json").read_text() == before
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself_with_an_example(command, touchcal):
+    code, out, _ = touchcal(command, "--help")
+
+    assert code == 0
+    assert f"touchcal {command}" in out.split("Example:")[1]
+
+
+def test_help_loads_nothing_heavy():
+    """The command line answers at once: neither NumPy nor CasADi is loaded for a page of text."""
+    script = (
+        "import sys\n"
+        "from oed.cli import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('numpy', 'casadi', 'scipy', 'pydantic', 'ruamel') if m in sys.modules])"
+    )
+
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+
+    assert said.stdout.splitlines()[-1] == "[]"
+    assert all(command in said.stdout for command in COMMANDS)
