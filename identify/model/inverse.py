@@ -5,10 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identify.model.descent import AXIS, LEVER, POINT, POSE, descent
 from identify.model.kinematics import Kinematics
+from identify.model.robot import Robot
 
-LEVER = 300.0  # [mm] a radian of orientation counts as much as this way of the tip
-STEP = 0.4  # [rad], longest step of a revolute joint; LEVER times that for a prismatic one
+STEP = 0.8  # [rad], longest step of a revolute joint; LEVER times that for a prismatic one
+DAMPING = 1e-2  # of the cost: none is left when the target is near, and convergence is quadratic (Fan and Yuan 2005)
+FLOOR = 1e-10 * LEVER**2  # damping at singular postures [mm^2]
+PATIENCE = 4  # steps in a row that do not shorten the way by SLOW, before a target is given up
+SLOW = 0.02
+EDGE = 1e-9  # [rad] or [mm], rounding at a joint limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,42 +38,26 @@ def reach(
     start: Float[np.ndarray, "targets joints"],
     *,
     free_roll: bool = False,
+    free_orientation: bool = False,
     iterations: int = 40,
     tolerance: float = 1e-6,
 ) -> Reach:
-    """Joint values that bring the tip to poses in the jig frame, nearest to a start (Levenberg-Marquardt, batched).
+    """Joint values that bring the tip to poses in the jig frame, near to a start (Levenberg-Marquardt, batched).
 
-    With `free_roll` the turn about the wire, z of the tip, is left open. Stops at `tolerance` [mm].
+    With `free_roll` the turn about the wire, z of the tip, is left open; with `free_orientation` all turns are. Stops
+    at `tolerance` [mm], and earlier where no step leads nearer.
     """
-    task = _Task(kinematics, theta, position, rotation, free_roll)
-    span = np.where(kinematics.robot.prismatic, LEVER, 1.0)
-    q = start.astype(float).copy()
-    error, J = task.error(q, slice(None))
-    cost = (error**2).sum(axis=1)
-    damping = np.full(len(q), 1e-3)
-    active = np.flatnonzero(cost > tolerance**2)
-    for _ in range(iterations):
-        if not len(active):
-            break
-        step = _step(J[active] * span, error[active], damping[active]) * span
-        trial = q[active] + step * np.minimum(1, STEP / np.maximum(np.abs(step / span).max(axis=1), 1e-12))[:, None]
-        trial_error, trial_J = task.error(trial, active)
-        trial_cost = (trial_error**2).sum(axis=1)
-        better = trial_cost < cost[active]
-        damping[active] = np.clip(np.where(better, damping[active] * 0.1, damping[active] * 10), 1e-12, 1e6)
-        moved = active[better]
-        q[moved], error[moved], J[moved], cost[moved] = (
-            trial[better],
-            trial_error[better],
-            trial_J[better],
-            trial_cost[better],
-        )
-        stuck = ~better & (np.abs(step / span).max(axis=1) < 1e-12)
-        active = active[(cost[active] > tolerance**2) & ~stuck]
+    rows = POINT if free_orientation else AXIS if free_roll else POSE
+    task = _Task(kinematics, theta, position, rotation.reshape(len(rotation), 9), rows)
+    q, cost = _descend(task, start.astype(float), iterations, tolerance**2)
     q = wrapped(kinematics, q)
     robot = kinematics.robot
-    inside = ((q >= robot.lower - 1e-9) & (q <= robot.upper + 1e-9)).all(axis=1)
-    return Reach(q, np.sqrt(cost), inside)
+    return Reach(q, np.sqrt(cost), within(robot, q))
+
+
+def within(robot: Robot, q: Float[np.ndarray, "*rows joints"]) -> Bool[np.ndarray, "*rows"]:
+    """Whether all joints stand within their limits."""
+    return np.asarray(((q >= robot.lower - EDGE) & (q <= robot.upper + EDGE)).all(axis=-1))
 
 
 def wrapped(kinematics: Kinematics, q: Float[np.ndarray, "targets joints"]) -> Float[np.ndarray, "targets joints"]:
@@ -80,53 +70,46 @@ def wrapped(kinematics: Kinematics, q: Float[np.ndarray, "targets joints"]) -> F
     return np.where(np.array(robot.prismatic) | keep, q, centred)
 
 
-def _step(
-    J: Float[np.ndarray, "targets rows joints"],
-    error: Float[np.ndarray, "targets rows"],
-    damping: Float[np.ndarray, " targets"],
-) -> Float[np.ndarray, "targets joints"]:
-    """Damped least squares steps (Levenberg 1944; Wampler 1986)."""
-    JtJ = J.transpose(0, 2, 1) @ J
-    size = np.trace(JtJ, axis1=1, axis2=2) / J.shape[2]
-    A = JtJ + (damping * size)[:, None, None] * np.eye(J.shape[2]) * 1e-3
-    return np.linalg.solve(A, J.transpose(0, 2, 1) @ error[..., None])[..., 0]
-
-
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What is asked of the tip, and how far it is from that."""
+    """What is asked of the tip."""
 
     kinematics: Kinematics
     theta: Float[np.ndarray, " parameters"]
     position: Float[np.ndarray, "targets 3"]
-    rotation: Float[np.ndarray, "targets 3 3"]
-    free_roll: bool
+    rotation: Float[np.ndarray, "targets 9"]
+    rows: int
 
-    def error(
-        self, q: Float[np.ndarray, "some joints"], which: np.ndarray | slice
-    ) -> tuple[Float[np.ndarray, "some rows"], Float[np.ndarray, "some rows joints"]]:
-        """What is left of the way [mm], in the frame of the tip, and the Jacobian of what was made of it."""
-        p, R, J = self.kinematics.pose_jacobian(q, self.theta)
-        Rt = R.transpose(0, 2, 1)
-        turn = _rotation_vector(Rt @ self.rotation[which])
-        if self.free_roll:
-            turn = _tilt_vector((Rt @ self.rotation[which])[:, :, 2])
-        way = np.concatenate([(Rt @ (self.position[which] - p)[..., None])[..., 0], LEVER * turn], axis=1)
-        J = np.concatenate([Rt @ J[:, :3], LEVER * Rt @ J[:, 3:]], axis=1)
-        return (way[:, :5], J[:, :5]) if self.free_roll else (way, J)
+    def step(
+        self, q: Float[np.ndarray, "some joints"], which: np.ndarray, damping: Float[np.ndarray, " some"]
+    ) -> tuple[Float[np.ndarray, "some joints"], Float[np.ndarray, " some"]]:
+        """The next step [rad] or [LEVER mm], and the square of the way that is left [mm^2]."""
+        f = descent(self.kinematics.robot, self.rows)
+        step, cost = f(q, self.theta, self.position[which], self.rotation[which], np.maximum(damping, FLOOR)[:, None])
+        return step, cost
 
 
-def _rotation_vector(R: Float[np.ndarray, "some 3 3"]) -> Float[np.ndarray, "some 3"]:
-    """Axis times angle of rotations [rad]."""
-    v = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
-    sine = np.linalg.norm(v, axis=1)
-    angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
-    return v * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[:, None]
-
-
-def _tilt_vector(axis: Float[np.ndarray, "some 3"]) -> Float[np.ndarray, "some 3"]:
-    """The shortest rotation [rad] that brings z to an axis; it has no part about z."""
-    v = np.stack([-axis[:, 1], axis[:, 0], np.zeros(len(axis))], axis=1)
-    sine = np.linalg.norm(v, axis=1)
-    angle = np.arctan2(sine, axis[:, 2])
-    return v * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 1.0)[:, None]
+def _descend(
+    task: _Task, start: Float[np.ndarray, "targets joints"], iterations: int, enough: float
+) -> tuple[Float[np.ndarray, "targets joints"], Float[np.ndarray, " targets"]]:
+    """Joint values and costs after damped steps, each shortened until it leads downhill: one evaluation each."""
+    q, active = start.copy(), np.arange(len(start))
+    span = np.where(task.kinematics.robot.prismatic, LEVER, 1.0)
+    step, cost = task.step(q, active, np.full(len(q), DAMPING * LEVER**2))
+    x, c, length, slow = q.copy(), cost.copy(), np.ones(len(q)), np.zeros(len(q), dtype=int)
+    for _ in range(iterations):
+        on = (c > enough) & (slow < PATIENCE)
+        if not on.all():
+            q[active], cost[active] = x, c
+            active, x, c, step, length, slow = active[on], x[on], c[on], step[on], length[on], slow[on]
+        if not len(active):
+            break
+        shortened = length * np.minimum(1, STEP / np.maximum(np.abs(step).max(axis=1), 1e-300))
+        trial = x + shortened[:, None] * step * span
+        next_step, next_cost = task.step(trial, active, DAMPING * c)
+        better = next_cost < c
+        slow = np.where(next_cost < (1 - SLOW) * c, 0, slow + 1)
+        x, step = np.where(better[:, None], trial, x), np.where(better[:, None], next_step, step)
+        c, length = np.where(better, next_cost, c), np.where(better, np.minimum(1, 4 * length), length / 4)
+    q[active], cost[active] = x, c
+    return q, cost
