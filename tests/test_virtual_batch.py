@@ -43,7 +43,7 @@ def test_without_noise_every_hit_lies_on_its_face_for_the_true_robot_alone(arc_w
     touches = hits(touch_batch(arc_welder, table2, plan, rng, sigma=0.0))
 
     assert len(touches) > 50
-    assert np.abs(gaps(arc_welder, table2.theta, touches)).max() < 1e-8
+    assert np.abs(gaps(arc_welder, table2.theta, touches)).max() < 1e-6
     assert np.sqrt(np.mean(gaps(arc_welder, arc_welder.theta, touches) ** 2)) > 5
 
 
@@ -78,7 +78,7 @@ def test_a_wire_cut_after_forty_touches_shortens_the_tool_from_the_forty_first_o
     touches = touch_batch(arc_welder, cut, plan, rng, sigma=0.0)
 
     off = np.abs(gaps(arc_welder, arc_welder.theta, touches))
-    assert off[:40].max() < 1e-8
+    assert off[:40].max() < 1e-6
     assert off[40:].min() > 1.0  # 2 mm along the wire, seen at 40 degrees of tilt or less
 
 

@@ -7,7 +7,9 @@ which distances are straight lines to within micrometres; these are clipped agai
 that comes first is then solved for to the last digit.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,6 +22,7 @@ INTERVAL = 8.0  # [mm] between samples; a path of 0.5 m radius bends by 16 micro
 SHALLOW = 0.5  # [mm], least depth of the slab under a face
 DEEP = 10.0  # [mm], how far below a face still is the inside of a jig that has no boxes
 EDGE = 0.01  # [mm], an entry through the side of a slab counts that much later: the face proper owns a tie
+EXACT = 1e-7  # [mm]
 NO_FACE = -1
 
 
@@ -37,7 +40,7 @@ class Surfaces:
     flat: float  # [mm], radius of a flat wire end
     ball: float  # [mm], radius of a ball
 
-    @property
+    @cached_property
     def offset(self) -> Float[np.ndarray, " surfaces"]:
         """Distances of the planes from the origin of the jig frame [mm]."""
         return np.einsum("ij,ij->i", self.normal, self.origin)
@@ -74,15 +77,22 @@ class Surfaces:
         return np.asarray(np.any(within, axis=1))
 
 
-def surfaces(jig: Jig, wire: Wire, proud: dict[str, float] | None = None) -> Surfaces:
+def surfaces(jig: Jig, wire: Wire, proud: Mapping[str, float] | None = None) -> Surfaces:
     """What a wire can touch on a jig whose faces stand `proud` of their drawing [mm]."""
+    drawn = _drawn(jig, wire)
+    if not proud:
+        return drawn
+    shift = np.array([proud.get(name, 0.0) for name in drawn.names])
+    return replace(drawn, origin=drawn.origin + shift[:, None] * drawn.normal)
+
+
+@lru_cache(maxsize=8)
+def _drawn(jig: Jig, wire: Wire) -> Surfaces:
     faces = [*jig.faces, *_sides(jig)]
-    shift = np.array([(proud or {}).get(face.name, 0.0) for face in faces])
     u, v, normal = (np.array([getattr(face, key) for face in faces]) for key in ("u", "v", "normal"))
     size = np.array([face.size for face in faces])
     return Surfaces(
-        names=tuple(face.name for face in faces),
-        origin=np.array([face.origin for face in faces]) + shift[:, None] * normal,
+        names=tuple(face.name for face in faces), origin=np.array([face.origin for face in faces]),
         u=u / size[:, :1], v=v / size[:, 1:], normal=normal, size=size,
         boxes=np.array([(box.lower, box.upper) for box in jig.boxes], dtype=float).reshape(-1, 2, 3),
         flat=wire.radius if wire.shape == "flat" else 0.0, ball=wire.radius if wire.shape == "ball" else 0.0,
@@ -126,10 +136,15 @@ class Paths:
     ) -> tuple[Float[np.ndarray, "rows 3"], Float[np.ndarray, "rows 3"]]:
         """Tip positions [mm] and wire axes at fractions of paths."""
         rows = len(path)
-        padded = np.resize(path, 1 << (rows - 1).bit_length()) if rows else path  # few sizes, so few compiled maps
+        padded = np.resize(path, _padded(rows))
         theta = self.theta if self.theta.ndim == 1 else self.theta[padded]
         position, rotation = kinematics.tip(self.at(padded, np.resize(fraction, len(padded))), theta)
         return position[:rows], rotation[:rows, :, 2]
+
+
+def _padded(rows: int) -> int:
+    """A size not below `rows`, of which there are few: each is compiled once."""
+    return 1 << (rows - 1).bit_length() if rows <= 128 else -(-rows // 128) * 128
 
 
 def touching(
@@ -154,44 +169,52 @@ def first_contact(
 
     A path that begins in a slab has fraction 0. `shift` [mm] is how far before a face the contact closes.
     """
-    count = len(paths.start)
-    fractions = np.linspace(0, 1, intervals + 1)
-    row = np.repeat(np.arange(count), intervals + 1)
-    position, axis = paths.tips(kinematics, row, np.tile(fractions, count))
-    gap = surface.gap(position, axis).reshape(count, intervals + 1, -1) - shift[:, None, None]
-    low, high = np.minimum(gap[:, :-1], gap[:, 1:]), np.maximum(gap[:, :-1], gap[:, 1:])
-    path, k, face = np.nonzero((low <= 0) & (high >= -surface.depth))
-    sample = path * (intervals + 1) + k
-    ends = [_constraints(surface, gap, path, k + i, face, position[sample + i], axis[sample + i]) for i in (0, 1)]
-    enter, through_face = _clip(*ends)
-    hit = np.isfinite(enter)
-    path, face, through_face, begin = path[hit], face[hit], through_face[hit], k[hit]
-    fraction = (begin + enter[hit]) / intervals
-    length = np.linalg.norm(position[sample[hit] + 1] - position[sample[hit]], axis=1)
-    rank = fraction + np.where(through_face, 0.0, EDGE / np.maximum(length, EDGE) / intervals)
-    order = np.lexsort((rank, path))
-    first = order[np.unique(path[order], return_index=True)[1]]
+    count, samples = len(paths.start), intervals + 1
+    row = np.repeat(np.arange(count), samples)
+    position, axis = paths.tips(kinematics, row, np.tile(np.linspace(0, 1, samples), count))
+    gap = surface.gap(position, axis) - np.repeat(shift, samples)[:, None]
+    begin, face, enter, through = _entries(surface, position, axis, gap, samples)
+    fraction = (begin % samples + enter) / intervals
+    length = np.linalg.norm(position[begin + 1] - position[begin], axis=1)
+    rank = fraction + np.where(through, 0.0, EDGE / np.maximum(length, EDGE) / intervals)
+    order = np.lexsort((rank, begin // samples))
+    path, first = np.unique(begin[order] // samples, return_index=True)
+    first = order[first]
     out, met = np.full(count, np.inf), np.full(count, NO_FACE)
-    met[path[first]], out[path[first]] = face[first], fraction[first]
-    exact = first[through_face[first] & (fraction[first] > 0)]
-    bracket = (begin[exact] / intervals, (begin[exact] + 1) / intervals)
-    out[path[exact]] = _crossing(kinematics, surface, paths, path[exact], face[exact], shift[path[exact]], bracket)
+    out[path], met[path] = fraction[first], face[first]
+    exact = through[first]
+    path, start, face = path[exact], begin[first][exact], face[first][exact]
+
+    def gap_at(fraction: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:
+        return surface.gap(*paths.tips(kinematics, path, fraction))[np.arange(len(path)), face] - shift[path]
+
+    low = start % samples / intervals
+    out[path] = _root(gap_at, low, low + 1 / intervals, gap[start, face], gap[start + 1, face])
     return out, met
 
 
-def _constraints(
-    surface: Surfaces, gap: np.ndarray, path: np.ndarray, k: np.ndarray, face: np.ndarray, position: np.ndarray,
-    axis: np.ndarray,
-) -> Float[np.ndarray, "rows 6"]:  # fmt: skip
-    """Six lengths [mm], none above 0 where the wire's end is in the slab of a face; the first is the gap."""
-    place, g = surface.place(face, position, axis), gap[path, k, face][:, None]
-    return np.hstack([g, -g - surface.depth, -place, place - surface.size[face]])
+def _entries(
+    surface: Surfaces, position: Float[np.ndarray, "rows 3"], axis: Float[np.ndarray, "rows 3"],
+    gap: Float[np.ndarray, "rows surfaces"], samples: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Entries into slabs: sample before, surface, fraction of the interval, and whether through the face itself."""
+    low, high = np.minimum(gap[:-1], gap[1:]), np.maximum(gap[:-1], gap[1:])
+    near = (low <= 0) & (high >= -surface.depth)
+    near[samples - 1 :: samples] = False  # from the end of one path to the start of the next
+    begin, face = np.nonzero(near)
+    ends = []
+    for row in (begin, begin + 1):
+        place, g = surface.place(face, position[row], axis[row]), gap[row, face][:, None]
+        ends.append(np.hstack([g, -g - surface.depth, -place, place - surface.size[face]]))
+    enter, through = _clip(*ends)
+    found = np.isfinite(enter)
+    return begin[found], face[found], enter[found], through[found]
 
 
 def _clip(
     c0: Float[np.ndarray, "rows 6"], c1: Float[np.ndarray, "rows 6"]
 ) -> tuple[Float[np.ndarray, " rows"], Bool[np.ndarray, " rows"]]:
-    """Fraction of an interval at which all constraints come to hold (inf: never), and whether the gap came last."""
+    """Fraction of an interval at which no constraint is above 0 (inf: never), and whether the first one came last."""
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = c0 / (c0 - c1)
     enter = np.where(c0 > 0, np.where(c1 > 0, np.inf, crossing), 0.0)
@@ -200,26 +223,17 @@ def _clip(
     return np.where(last <= leave, last, np.inf), (enter[:, 0] >= last) & (c0[:, 0] > 0)
 
 
-def _crossing(
-    kinematics: Kinematics, surface: Surfaces, paths: Paths, path: np.ndarray, face: np.ndarray, shift: np.ndarray,
-    bracket: tuple[np.ndarray, np.ndarray],
-) -> Float[np.ndarray, " rows"]:  # fmt: skip
-    """Fractions at which gaps vanish, by regula falsi with the Illinois rule; nearly straight lines need few steps."""
-
-    def f(fraction: np.ndarray) -> np.ndarray:
-        position, axis = paths.tips(kinematics, path, fraction)
-        return surface.gap(position, axis)[np.arange(len(path)), face] - shift
-
-    if not len(path):
-        return np.empty(0)
-    (a, b), fa, fb = bracket, f(bracket[0]), f(bracket[1])
+def _root(
+    f: Callable[[np.ndarray], np.ndarray], a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray
+) -> Float[np.ndarray, " rows"]:
+    """Roots between a and b, by regula falsi with the Illinois rule; nearly straight lines need two or three steps."""
     x = b
-    for _ in range(12):
+    for _ in range(12 if len(b) else 0):
         x = np.where(fa == fb, b, (a * fb - b * fa) / np.where(fa == fb, 1.0, fb - fa))
         fx = f(x)
-        if np.abs(fx).max() < 1e-9:
+        if np.abs(fx).max() < EXACT:
             break
         same = fx * fb > 0
         a, fa = np.where(same, a, b), np.where(same, 0.5 * fa, fb)
         b, fb = x, fx
-    return np.asarray(x)
+    return x

@@ -1,0 +1,289 @@
+"""The virtual robot: it moves in time, meets the jig where its true geometry says, and knows nothing of any port.
+
+Encoders read what is commanded; the arm behind them is off by the play of the gears and by joint noise, drawn anew for
+each motion that begins in the open. A contact trips the relay after its delay, at the next servo step; a search latches
+the encoders then, and every motion brakes. All times are controller time in seconds.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.cell import Cell
+from probe.virtual.arm import Arm, Trip
+from probe.virtual.motion import Profile, straight
+from probe.virtual.truth import Truth
+
+MOVE, SEARCH = "MOVE", "SEARCH"
+OK, CONTACT, NOCONTACT = "OK", "CONTACT", "NOCONTACT"
+NEVER = float("inf")
+BACK = np.radians(0.05)  # a retreat may miss the line that it came along by that much
+SETTLED = 0.05  # [s] open before a move watches for contact again: the chatter of an opening contact is no touch
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """How a motion ended: OK, CONTACT, NOCONTACT or the code of an error."""
+
+    kind: str
+    q: Float[np.ndarray, " joints"]  # [rad] or [mm], latched, or where the robot stands
+    stop: Float[np.ndarray, " joints"]
+    text: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Executed:
+    """One motion that was really made, and how it ended; for the judge, not for the driver."""
+
+    kind: str
+    q: Float[np.ndarray, " joints"]  # commanded
+    rate: float  # [rad/s]
+    began: float  # [s]
+    ended: float  # [s]
+    outcome: Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class Truly:
+    """What truly happened at a latch; for the judge, not for the driver."""
+
+    time: float  # [s] of the contact
+    latched: float  # [s]
+    surface: str  # empty where nothing solid was met
+    q: Float[np.ndarray, " joints"]  # encoders at the contact
+    arm: Float[np.ndarray, " joints"]  # joints behind the gears at the contact
+    latch: Float[np.ndarray, " joints"]  # encoders at the latch
+    theta: Float[np.ndarray, " parameters"]  # the wire as long as it was
+    shift: float  # [mm] of the scatter: the contact closed that much before the face
+
+
+@dataclass
+class Health:
+    """What may be wrong with the machine."""
+
+    homed: bool = True
+    estop: bool = False
+    stuck: bool = False  # the contact reads closed, whatever the wire does
+    open: bool = False  # the wire is broken: nothing is ever felt
+    bounce: float | None = None  # [s] of chatter; None: the truth's
+
+
+@dataclass(eq=False)
+class _Motion:
+    kind: str
+    target: Float[np.ndarray, " joints"]
+    rate: float
+    profile: Profile
+    start: Float[np.ndarray, " joints"]
+    trip: Trip
+    code: str = ""  # why it ends early
+    text: str = ""
+    tripped: float = NEVER  # [s], the servo step at which the controller sees the contact
+
+    def at(self, time: float) -> Float[np.ndarray, " joints"]:
+        return self.start + self.profile.at(time)[0] * (self.target - self.start)
+
+
+@dataclass
+class VirtualRobot:
+    """A robot before a jig; `start` is where it stands, zeros (within the limits) where not given."""
+
+    cell: Cell
+    truth: Truth
+    rng: np.random.Generator
+    start: Float[np.ndarray, " joints"] | None = None
+    time: float = 0.0
+    health: Health = field(default_factory=Health)
+    executed: list[Executed] = field(default_factory=list)
+    touches: list[Truly] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        robot = self.cell.robot
+        at = np.zeros(len(robot.joints)) if self.start is None else np.asarray(self.start, dtype=float)
+        self._q = np.clip(at, robot.lower, robot.upper)
+        self._zero = np.zeros_like(self._q)  # what the encoders read in the true zero position
+        self._motion: _Motion | None = None
+        self._retreat: np.ndarray | None = None  # where an EARLY move began
+        self.arm = Arm(self.cell, self.truth, self.rng, self._q)
+
+    @property
+    def q(self) -> Float[np.ndarray, " joints"]:
+        """What the encoders read now [rad] or [mm]."""
+        return (self._q if self._motion is None else self._motion.at(self.time)) - self._zero
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion runs."""
+        return self._motion is not None
+
+    @property
+    def due(self) -> float:
+        """When something happens next by itself [s]."""
+        if self._motion is None:
+            return NEVER
+        return min(self._motion.tripped, self._motion.profile.end)
+
+    @property
+    def contact(self) -> bool:
+        """Whether the touch input reads closed now; just after a change it chatters."""
+        if self.health.stuck or self.health.open:
+            return self.health.stuck
+        motion, arm = self._motion, self.arm
+        closed, since = (arm.closed, arm.changed) if motion is None else motion.trip.state(motion.profile, self.time)
+        bouncing = 0 <= self.time - since < self._bounce
+        step = int(self.time / self.truth.effects.servo)
+        return bool((step * 2654435761 >> 16) & 1) if bouncing else closed
+
+    @property
+    def _bounce(self) -> float:
+        return self.truth.effects.bounce if self.health.bounce is None else self.health.bounce
+
+    def refusal(self, kind: str, q: Float[np.ndarray, " joints"], rate: float) -> Outcome | None:
+        """Why a motion cannot begin, or nothing."""
+        robot, names = self.cell.robot, [joint.name for joint in self.cell.robot.joints]
+        outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))
+        if self.health.estop:
+            return self._refused("ESTOP", "the emergency stop is pressed")
+        if not self.health.homed:
+            return self._refused("UNHOMED", "home the machine")
+        if not (np.isfinite(q).all() and np.isfinite(rate) and rate > 0):
+            return self._refused("SYNTAX", "joints and rate are finite, the rate is above 0")
+        if len(outside):
+            return self._refused("LIMIT", f"{names[outside[0]]} would leave its limits")
+        if kind == SEARCH and self.contact:
+            return self._refused("ALREADY", "the wire touches before the search")
+        if self._retreat is not None and (kind == SEARCH or not self._leads_back(q + self._zero)):
+            return self._refused("EARLY", "only back towards where the move began")
+        return None
+
+    def _refused(self, code: str, text: str) -> Outcome:
+        return Outcome(code, self.q, self.q, text)
+
+    def _leads_back(self, q: np.ndarray) -> bool:
+        """Whether a target lies on the line from here to where the EARLY move began."""
+        assert self._retreat is not None
+        unit = self.cell.robot.joint_unit()
+        line, step = (self._retreat - self._q) / unit, (q - self._q) / unit
+        along = np.clip(step @ line / max(line @ line, 1e-18), 0, 1)
+        return bool(np.abs(step - along * line).max() < np.degrees(BACK) and along > 0)
+
+    def begin(self, kind: str, q: Float[np.ndarray, " joints"], rate: float) -> Outcome | None:
+        """Begin a motion to `q` at `rate` [rad/s] of the fastest joint; the refusal where it cannot begin."""
+        if self._motion is not None:
+            return self._refused("BUSY", "a motion is running")
+        refusal = self.refusal(kind, q, rate)
+        if refusal is not None:
+            return refusal
+        target = q + self._zero
+        profile = straight(self.cell.robot, self._q, target, rate, self.time)
+        trip = self.arm.follow(self._q, target, feels=not self.health.open)
+        self._motion = _Motion(kind, target, rate, profile, self._q, trip)
+        self._foresee()
+        return None
+
+    def _foresee(self) -> None:
+        """When the controller will see the contact: after the relay's delay, at a servo step."""
+        motion, effects = self._motion, self.truth.effects
+        assert motion is not None
+        if motion.kind == MOVE and self.health.stuck:
+            motion.tripped = NEVER
+            return
+        time = motion.profile.time(motion.trip.fraction)
+        if motion.kind == MOVE and motion.trip.opening is not None:
+            opened = motion.profile.time(motion.trip.opening)
+            time = time if time > opened + SETTLED else NEVER
+        step = np.ceil((time + effects.relay_delay) / effects.servo - 1e-9) if np.isfinite(time) else NEVER
+        motion.tripped = max(float(step * effects.servo), time)
+
+    def obstruct(self, fraction: float) -> None:
+        """Something conducting stands at a fraction of the motion that has begun, until the robot has backed off."""
+        if self._motion is not None and not self.health.open:
+            self._motion.trip = self.arm.obstruct(self._motion.trip, fraction)
+            self._foresee()
+
+    def stop(self, code: str, text: str = "") -> None:
+        """Brake the motion that runs, if any, and end it with a code."""
+        motion = self._motion
+        if motion is not None and not motion.code:
+            motion.code, motion.text = code, text
+            motion.profile = motion.profile.stopped(self.time)
+            if motion.tripped > self.time:
+                self._foresee()
+
+    def advance(self, time: float) -> Outcome | None:
+        """Let time pass; how the motion ended, when it did."""
+        while self._motion is not None and self.due <= time:
+            motion = self._motion
+            self.time = max(self.time, self.due)
+            if motion.tripped <= motion.profile.end:
+                self._trip(motion)
+            else:
+                return self._finish(motion, time)
+        self.time = max(self.time, time)
+        return None
+
+    def _trip(self, motion: _Motion) -> None:
+        """The controller sees the contact: a search latches, a move ends EARLY, both brake."""
+        seen, motion.tripped = motion.tripped, NEVER
+        if motion.kind == SEARCH:
+            fraction, latch = motion.trip.fraction, motion.at(seen)
+            q = motion.start + fraction * (motion.target - motion.start)
+            truth = Truly(
+                motion.profile.time(fraction), seen, motion.trip.surface, q - self._zero, motion.trip.arm(fraction),
+                latch - self._zero, self.arm.theta, self.arm.shift,
+            )  # fmt: skip
+            self.touches.append(truth)
+            self.arm.count()
+        if not motion.code:
+            motion.code = CONTACT if motion.kind == SEARCH else "EARLY"
+            motion.text = "" if motion.kind == SEARCH else "the wire touched on the way"
+        motion.profile = motion.profile.stopped(seen)
+
+    def _finish(self, motion: _Motion, time: float) -> Outcome:
+        ended = self.time
+        self._q, self._motion = motion.at(ended), None
+        self.arm.rest(motion.trip, motion.profile, ended)
+        q = self.q
+        latch = self.touches[-1].latch if motion.code == CONTACT else q
+        kind = motion.code or (OK if motion.kind == MOVE else NOCONTACT)
+        if kind == "EARLY":
+            self._retreat = motion.start
+        elif not self.arm.closed:
+            self._retreat = None
+        outcome = Outcome(kind, latch, q, motion.text)
+        self.executed.append(
+            Executed(
+                motion.kind, motion.target - self._zero, motion.rate, motion.profile.pieces[0].start, ended, outcome
+            )
+        )
+        self.time = max(self.time, time)
+        return outcome
+
+    def move(self, q: Float[np.ndarray, " joints"], rate: float) -> Outcome:
+        """Move straight to `q` and wait until the robot stands [controller time]."""
+        return self._run(MOVE, q, rate)
+
+    def search(self, q: Float[np.ndarray, " joints"], rate: float) -> Outcome:
+        """Move straight towards `q` until the wire touches, and wait until the robot stands."""
+        return self._run(SEARCH, q, rate)
+
+    def _run(self, kind: str, q: Float[np.ndarray, " joints"], rate: float) -> Outcome:
+        outcome = self.begin(kind, np.asarray(q, dtype=float), rate)
+        while outcome is None:
+            outcome = self.advance(self.due)
+        return outcome
+
+    def restart(self, *, keeps_position: bool = True) -> None:
+        """The controller starts anew: the drives drop where they are, and perhaps the position is lost."""
+        if self._motion is not None:
+            self.stop("STOPPED", "the controller restarted")
+            self.advance(self.due)
+        self._retreat = None
+        if not keeps_position:
+            self._zero = self._q.copy()
+            self.health.homed = False
+
+    def home(self) -> None:
+        """Find the true zero position again, as an operator would."""
+        self._zero, self.health.homed = np.zeros_like(self._zero), True
