@@ -1,0 +1,119 @@
+"""The README is run: every shell block works, every cell file is read, every output shown is what comes out."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identify.model.description import read_cell
+
+README = Path(__file__).parents[1] / "README.md"
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block, the comment above it, and the heading over it."""
+
+    language: str
+    text: str
+    comment: str
+    heading: str
+
+
+def blocks():
+    found, heading, comment, inside = [], "", "", None
+    for line in README.read_text(encoding="utf-8").splitlines():
+        if inside is not None:
+            if line == "```":
+                found.append(Block(inside, "\n".join(text), comment, heading))
+                inside, comment = None, ""
+            else:
+                text.append(line)
+        elif line.startswith("```"):
+            inside, text = line[3:], []
+        elif line.startswith("#"):
+            heading = line.lstrip("# ")
+        elif line.startswith("<!--"):
+            comment = line.removeprefix("<!-- ").removesuffix(" -->")
+    return found
+
+
+def block(comment):
+    return next(b for b in blocks() if b.comment == comment)
+
+
+def run(command, folder, **environment):
+    """Run a shell block as a user does who has activated the environment."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    return subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=os.environ | {"PATH": path} | environment,
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+
+
+def assert_shown(shown, said):
+    """The same words, and numbers that differ by no more than machines do."""
+    assert NUMBER.sub("#", shown).split() == NUMBER.sub("#", said).split()
+    a, b = ([float(x) for x in NUMBER.findall(text)] for text in (shown, said))
+    np.testing.assert_allclose(a, b, rtol=0.3, atol=0.02)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """The folder in which the first command was run, and what it said."""
+    folder = tmp_path_factory.mktemp("clone")
+    command = next(b.text for b in blocks() if b.heading == "Run the demo" and b.language == "sh")
+    return folder, run(command.split("&& .venv/bin/")[-1], folder)
+
+
+def test_the_two_commands_install_alike_from_the_lock_and_the_second_runs_the_tests():
+    first, second = (b.text for b in blocks() if b.language == "sh" and b.heading.startswith("Run the"))
+    install, start = first.rsplit("&&", 1)
+
+    assert second.startswith(install)
+    assert "requirements.lock" in install
+    assert start.strip() == ".venv/bin/touchcal demo -o demo"
+    assert "pytest" in second.removeprefix(install)
+
+
+def test_the_demo_prints_what_the_readme_shows(demo):
+    assert_shown(block("output: demo").text, demo[1])
+
+
+@pytest.mark.parametrize("number", range(sum(b.heading == "The loop" and b.language == "sh" for b in blocks())))
+def test_the_blocks_of_the_loop_run_in_a_copy_of_the_demo(number, demo, tmp_path):
+    shutil.copytree(demo[0] / "demo", tmp_path / "project")
+    loop = [b.text for b in blocks() if b.heading == "The loop" and b.language == "sh"]
+
+    run(loop[number], tmp_path / "project")
+
+
+def test_the_cell_files_are_read(tmp_path):
+    cells = [b for b in blocks() if b.language == "yaml" and b.text.startswith("robot:")]
+
+    for cell in cells:
+        (tmp_path / "cell.yaml").write_text(cell.text)
+        read_cell(tmp_path / "cell.yaml")
+
+    assert len(cells) >= 2
+
+
+def test_the_run_on_a_real_robot_gives_what_the_readme_shows(shared_data, tmp_path):
+    (tmp_path / "cell.yaml").write_text(block("file: cell.yaml").text + "\n")
+
+    said = run(block("needs: IRB120").text, tmp_path, IRB120=str(shared_data / "irb120"))
+
+    assert_shown(block("output: irb120").text, said)
+
+
+def test_no_shell_block_is_left_unrun():
+    run_somewhere = {"Run the demo", "Run the tests", "The loop", "Accuracy on a real robot"}
+
+    assert {b.heading for b in blocks() if b.language == "sh"} == run_somewhere
