@@ -34,7 +34,7 @@ def test_a_pose_read_back_from_its_transform_is_the_same_place_and_attitude(x):
 
 @pytest.mark.parametrize("ry", [np.pi / 2, -np.pi / 2])
 def test_at_ninety_degrees_of_pitch_rz_carries_the_whole_turn(ry):
-    R = rotation(np.array(0.7), np.array(ry), np.array(0.2))
+    R = rotation(0.7, ry, 0.2)
 
     rz, pitch, rx = euler(R)
 
@@ -80,6 +80,6 @@ def test_the_nearest_rotation_is_the_one_scipy_aligns_with(rng):
 
 
 def test_a_rotation_is_its_own_nearest():
-    R = rotation(np.array(0.3), np.array(-1.2), np.array(2.5))
+    R = rotation(0.3, -1.2, 2.5)
 
     np.testing.assert_allclose(nearest_rotation(R), R, atol=1e-14)

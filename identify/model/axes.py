@@ -75,17 +75,16 @@ def _link(
         return float(theta), float(p[2] + across / sine * z[2]), float(along), float(np.arctan2(sine, z[2])), 0.0
     a = np.hypot(p[0], p[1])
     theta = np.arctan2(p[1], p[0]) if a > COINCIDENT else np.arctan2(x[1], x[0])
-    u = rotation(-theta, np.array(0.0), np.array(0.0)) @ z
+    u = rotation(-theta, 0.0, 0.0) @ z
     alpha, beta = np.arctan2(-u[1], u[2]), np.arctan2(u[0], np.hypot(u[1], u[2]))
     return float(theta), float(p[2]), float(a if a > COINCIDENT else 0.0), float(alpha), float(beta)
 
 
 def _transform(theta: float, d: float, a: float, alpha: float, beta: float) -> Float[np.ndarray, "4 4"]:
     """Rz(theta) Trans(a, 0, d) Rx(alpha) Ry(beta) (equation 4)."""
-    zero = np.array(0.0)
-    turn = rotation(np.array(theta), zero, zero)
+    turn = rotation(theta, 0.0, 0.0)
     T = np.eye(4)
-    T[:3, :3] = turn @ rotation(zero, zero, np.array(alpha)) @ rotation(zero, np.array(beta), zero)
+    T[:3, :3] = turn @ rotation(0.0, 0.0, alpha) @ rotation(0.0, beta, 0.0)
     T[:3, 3] = turn @ [a, 0.0, d]
     return T
 

@@ -4,9 +4,10 @@ import numpy as np
 from jaxtyping import Float
 
 Array = np.ndarray
+Angles = float | Float[Array, "..."]  # [rad]
 
 
-def rotation(rz: Float[Array, "..."], ry: Float[Array, "..."], rx: Float[Array, "..."]) -> Float[Array, "... 3 3"]:
+def rotation(rz: Angles, ry: Angles, rx: Angles) -> Float[Array, "... 3 3"]:
     """Rotation matrices Rz(rz) Ry(ry) Rx(rx) of angles in radians."""
     cz, sz, cy, sy, cx, sx = np.cos(rz), np.sin(rz), np.cos(ry), np.sin(ry), np.cos(rx), np.sin(rx)
     rows = [

@@ -1,13 +1,16 @@
 """What was measured: touches on faces, and positions of the tip; columns of equal length."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Self
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 HIT = "hit"
 STATUSES = (HIT, "miss", "early", "skipped", "outlier")
+
+
+T = TypeVar("T", bound="Table")
 
 
 class Table:
@@ -18,7 +21,7 @@ class Table:
     def __len__(self) -> int:
         return len(self.ids)
 
-    def take(self, index: np.ndarray) -> Self:
+    def take(self: T, index: np.ndarray) -> T:
         """The rows of an integer or boolean index, in its order."""
         rows = np.arange(len(self))[index]
         columns = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]

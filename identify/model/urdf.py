@@ -173,8 +173,8 @@ def _listed(links: set[str]) -> str:
 def _origin(urdf: Urdf, joint: ET.Element) -> Float[np.ndarray, "4 4"]:
     """Where a joint stands on its parent link: Trans(xyz) Rz(yaw) Ry(pitch) Rx(roll) [mm]."""
     name, origin = f"joint '{joint.get('name', '')}'", joint.find("origin")
-    xyz = urdf.vector(origin, "xyz", [0, 0, 0], name)
-    rpy = urdf.vector(origin, "rpy", [0, 0, 0], name)
+    xyz = urdf.vector(origin, "xyz", [0.0, 0.0, 0.0], name)
+    rpy = urdf.vector(origin, "rpy", [0.0, 0.0, 0.0], name)
     if origin is not None and np.abs(xyz).max() > LONGEST:
         urdf.wrong(origin, f"{name}: an offset of {np.abs(xyz).max():g} m: millimetres? a URDF is in metres")
     if origin is not None and np.abs(rpy).max() > 7:
@@ -185,7 +185,7 @@ def _origin(urdf: Urdf, joint: ET.Element) -> Float[np.ndarray, "4 4"]:
 def _direction(urdf: Urdf, joint: ET.Element) -> Float[np.ndarray, " 3"]:
     """The unit axis of a joint in its own frame; x where none is written."""
     name, axis = f"joint '{joint.get('name', '')}'", joint.find("axis")
-    direction = urdf.vector(axis, "xyz", [1, 0, 0], name)
+    direction = urdf.vector(axis, "xyz", [1.0, 0.0, 0.0], name)
     length = np.linalg.norm(direction)
     if length == 0:
         urdf.wrong(axis, f"{name}: the axis is zero; write a direction such as 0 0 1")
@@ -202,14 +202,14 @@ def _range(urdf: Urdf, joint: ET.Element) -> tuple[float, float, float]:
     if joint.find("mimic") is not None:
         urdf.wrong(joint, f"{name} mimics another; the chain needs joints that move on their own")
     unit = METRE if kind == "prismatic" else 1.0
-    speed = urdf.vector(limit, "velocity", [0], name)[0] * unit or SPEED[kind]
+    speed = urdf.vector(limit, "velocity", [0.0], name)[0] * unit or SPEED[kind]
     if kind == "continuous":
         return -2 * np.pi, 2 * np.pi, float(abs(speed))
     if limit is None:
         urdf.wrong(joint, f'{name} has no limits; write <limit lower="..." upper="..."/>')
         return 0.0, 0.0, 0.0
     before = len(urdf.mistakes)
-    lower, upper = urdf.vector(limit, "lower", [0], name)[0], urdf.vector(limit, "upper", [0], name)[0]
+    lower, upper = urdf.vector(limit, "lower", [0.0], name)[0], urdf.vector(limit, "upper", [0.0], name)[0]
     if lower >= upper and len(urdf.mistakes) == before:
         urdf.wrong(limit, f"{name}: limits run from {lower:g} to {upper:g}; write the smaller first")
     largest = max(abs(lower), abs(upper))
