@@ -1,0 +1,190 @@
+"""The order of touches: little travel between approaches, on ways that are clear, and the minutes that it takes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.cell import Cell
+from identify.model.touch import Plan
+
+MOVE_SPEED = 250.0  # [mm/s] of the tip between touches, at the most
+RETRACT_SPEED = 100.0  # [mm/s] of the tip, back from the contact
+SETTLE = 0.4  # [s] for the sensing signal to clear: power sources hold it 0.3 to 0.5 s
+KICKS = 1500  # a tour of 50 places is broken at random and repaired 30 times, one of 100 places 15 times
+DETOUR = 60.0  # [s], what a way that is not clear costs: more than any that is
+ROUNDS = 60  # of finding ways that are not clear, and going around
+
+Clear = Callable[[Float[np.ndarray, "ways joints"], Float[np.ndarray, "ways joints"]], Bool[np.ndarray, " ways"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """An order of touches, and what it costs."""
+
+    index: Int[np.ndarray, " touches"]
+    minutes: float
+    blocked: tuple[int, ...]  # places in the order from which the way to the next touch is not clear
+
+
+def order(cell: Cell, plan: Plan, clear: Clear | None = None, rng: np.random.Generator | None = None) -> Order:
+    """Order touches so that the robot travels little between their approach points.
+
+    Ways are straight in joint space; `clear` tells which of them, from starts to ends, are free of collisions. Ways
+    found blocked are avoided as long as there are others.
+    """
+    rng = np.random.default_rng(0) if rng is None else rng
+    clear = (lambda start, end: _outside_boxes(cell, start, end)) if clear is None else clear
+    D = travel(cell, plan.approach)
+    known = np.zeros(D.shape, dtype=bool)
+    tour = np.arange(len(plan))
+    for repetition in range(ROUNDS):
+        tour = shortest(D, rng, tour, kicks=0 if repetition else None)
+        a, b = tour[:-1], tour[1:]
+        new = ~known[a, b]
+        if not new.any():
+            break
+        free = clear(plan.approach[a[new]], plan.approach[b[new]])
+        known[a[new], b[new]] = known[b[new], a[new]] = True
+        stopped = np.flatnonzero(new)[~free]
+        D[a[stopped], b[stopped]] += DETOUR
+        D[b[stopped], a[stopped]] += DETOUR
+    blocked = np.flatnonzero(D[tour[:-1], tour[1:]] >= DETOUR)
+    return Order(tour, minutes(cell, plan.take(tour)), tuple(int(i) for i in blocked))
+
+
+def travel(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray, "poses poses"]:
+    """Seconds from every pose to every other, all joints moving at once and none above its speed."""
+    return np.abs((q[:, None] - q[None]) / cell.robot.speed).max(axis=2)
+
+
+def minutes(cell: Cell, plan: Plan) -> float:
+    """What the touches of a plan take in their order: travel, search, retract and the wait for the signal to clear.
+
+    Without the ramps of acceleration and without the way to the first touch.
+    """
+    start, end = plan.approach[:-1], plan.approach[1:]
+    joints = np.abs((end - start) / cell.robot.speed).max(axis=1, initial=0.0)
+    tip = cell.kinematics.tip(_between(start, end, 9).reshape(-1, start.shape[1]), cell.theta)[0].reshape(-1, 9, 3)
+    way = np.linalg.norm(np.diff(tip, axis=1), axis=2).sum(axis=1)
+    each = cell.touch.approach / cell.touch.speed + cell.touch.approach / RETRACT_SPEED + SETTLE
+    return float((np.maximum(joints, way / MOVE_SPEED).sum() + each * len(plan)) / 60)
+
+
+def shortest(
+    D: Float[np.ndarray, "places places"],
+    rng: np.random.Generator,
+    start: Int[np.ndarray, " places"] | None = None,
+    *,
+    kicks: int | None = None,
+) -> Int[np.ndarray, " places"]:
+    """A short open path through all places, wherever it begins and ends; never longer than `start`.
+
+    Nearest neighbour, then 2-opt (Croes 1958) and the moving of segments (Or 1976), then broken at random and repaired
+    (double bridge; Martin, Otto and Felten 1991). An added place at distance 0 from all others closes the tour.
+    """
+    n = len(D)
+    if n < 4:
+        return _by_trial(D)
+    closed = np.zeros((n + 1, n + 1))
+    closed[:n, :n] = D
+    starts = [_nearest_neighbour(closed)] + ([] if start is None else [np.append(start, n)])
+    best = min((_improved(closed, tour) for tour in starts), key=lambda tour: _length(closed, tour))
+    for _ in range(0 if n < 7 else min(30, KICKS // n) if kicks is None else kicks):
+        trial = _improved(closed, _kicked(best, rng))
+        if _length(closed, trial) < _length(closed, best) - 1e-12:
+            best = trial
+    at = int(np.flatnonzero(best == n)[0])
+    return np.roll(best, -at)[1:]
+
+
+def _by_trial(D: Float[np.ndarray, "places places"]) -> Int[np.ndarray, " places"]:
+    from itertools import permutations
+
+    paths = [np.array(p, dtype=int) for p in permutations(range(len(D)))]
+    return min(paths, key=lambda p: float(D[p[:-1], p[1:]].sum()))
+
+
+def _length(D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " places"]) -> float:
+    return float(D[tour, np.roll(tour, -1)].sum())
+
+
+def _nearest_neighbour(D: Float[np.ndarray, "places places"]) -> Int[np.ndarray, " places"]:
+    tour, left = [len(D) - 1], np.ones(len(D), dtype=bool)
+    for _ in range(len(D) - 1):
+        left[tour[-1]] = False
+        tour.append(int(np.argmin(np.where(left, D[tour[-1]], np.inf))))
+    return np.array(tour)
+
+
+def _improved(D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
+    """The tour after the best of all moves, again and again, until none shortens it."""
+    while True:
+        gain, better = min((_best_reversal(D, tour), *(_best_shift(D, tour, k) for k in (1, 2, 3))), key=lambda m: m[0])
+        if gain > -1e-9:
+            return tour
+        tour = better
+
+
+def _best_reversal(
+    D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " places"]
+) -> tuple[float, Int[np.ndarray, " places"]]:
+    """What the best reversal of a part of the tour changes, and the tour after it (2-opt)."""
+    A = D[np.ix_(tour, tour)]
+    after = np.roll(A, -1, axis=1)
+    step = after.diagonal()
+    change = np.triu(A + np.roll(after, -1, axis=0) - step[:, None] - step, 1)  # edges i, i+1 and j, j+1
+    i, j = np.unravel_index(np.argmin(change), change.shape)
+    better = tour.copy()
+    better[i + 1 : j + 1] = tour[i + 1 : j + 1][::-1]
+    return float(change[i, j]), better
+
+
+def _best_shift(
+    D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " places"], k: int
+) -> tuple[float, Int[np.ndarray, " places"]]:
+    """What moving k places elsewhere changes at best, turned around or not, and the tour after it (or-opt)."""
+    n = len(tour)
+    if n < k + 3:
+        return 0.0, tour
+    first, last, before, behind = (np.roll(tour, shift) for shift in (0, 1 - k, 1, -k))
+    saved = D[before, first] + D[last, behind] - D[before, behind]
+    here, there = tour[:, None], np.roll(tour, -1)[:, None]  # inserted between these
+    straight, turned = D[here, first] + D[last, there], D[here, last] + D[first, there]
+    change = np.minimum(straight, turned) - D[here, there] - saved
+    offset = (np.arange(n)[:, None] - np.arange(n)) % n
+    change[(offset < k) | (offset == n - 1)] = 0.0  # into itself, or where it is already
+    at, i = np.unravel_index(np.argmin(change), change.shape)
+    rolled = np.roll(tour, -i)
+    segment, rest = rolled[:k], rolled[k:]
+    if turned[at, i] < straight[at, i]:
+        segment = segment[::-1]
+    place = int(offset[at, i]) - k + 1
+    return float(change[at, i]), np.concatenate([rest[:place], segment, rest[place:]])
+
+
+def _kicked(tour: Int[np.ndarray, " places"], rng: np.random.Generator) -> Int[np.ndarray, " places"]:
+    a, b, c = np.sort(rng.choice(np.arange(1, len(tour)), 3, replace=False))
+    return np.concatenate([tour[:a], tour[b:c], tour[a:b], tour[c:]])
+
+
+def _between(
+    start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], samples: int
+) -> Float[np.ndarray, "ways samples joints"]:
+    """Poses along straight ways, ends included."""
+    s = np.linspace(0.0, 1.0, samples)[:, None]
+    return start[:, None] + s * (end - start)[:, None]
+
+
+def _outside_boxes(
+    cell: Cell, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], samples: int = 33
+) -> Bool[np.ndarray, " ways"]:
+    """Ways on which the tip stays out of the solid boxes of the jig."""
+    q = _between(start, end, samples)
+    tip = cell.kinematics.tip(q.reshape(-1, q.shape[2]), cell.theta)[0].reshape(len(q), samples, 3)
+    clear = np.ones(len(q), dtype=bool)
+    for box in () if cell.jig is None else cell.jig.boxes:
+        inside: Bool[np.ndarray, "ways samples"] = np.all((tip > box.lower) & (tip < box.upper), axis=2)
+        clear &= ~inside.any(axis=1)
+    return clear
