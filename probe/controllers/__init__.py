@@ -1,0 +1,1 @@
+"""Robot controllers by the protocol they speak."""

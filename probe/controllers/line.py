@@ -1,0 +1,118 @@
+"""A controller that speaks TOUCH/1 (DESIGN.md, section 6) over a serial line or a socket."""
+
+import re
+from typing import NoReturn
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.robot import Robot
+from probe.clock import Clock
+from probe.controller import Contact, Latch, LinkLost, NoContact, Refused, State
+from probe.framing import LONGEST
+from probe.link import Link, Timing
+from probe.transcript import Transport
+
+SPOKEN = "TOUCH/1"
+FIELDS = re.compile(r"(\w+)=(\S+)")
+GREETING_PATIENCE = 4.0  # [s]: a controller that is there answers at once, and a person waits for this
+
+
+class Line:
+    """The host's side of TOUCH/1."""
+
+    def __init__(self, transport: Transport, robot: Robot, clock: Clock, timing: Timing | None = None) -> None:
+        self.name = f"{SPOKEN} controller at {transport.url}"
+        self.joints = len(robot.joints)
+        self.link = Link(transport, clock, timing)
+        self._unit = robot.joint_unit()
+        self._q: Float[np.ndarray, " joints"] | None = None  # where it stands, as far as known
+        self._homed = True
+
+    def connect(self) -> None:
+        """Say hello; raises LinkLost where nobody speaks TOUCH/1, and Refused where the robot is another one."""
+        self.link.greet(self.link.clock.at_least(GREETING_PATIENCE, 2.0))
+        if self.link.joints != self.joints:
+            raise Refused("ROBOT", f"it has {self.link.joints} joints, the robot of the cell {self.joints}")
+        if self.state().moving:
+            self.stop()
+
+    @property
+    def sequence(self) -> int:
+        """The number that the next command will carry."""
+        return self.link.sequence
+
+    def state(self) -> State:
+        """How things stand now."""
+        status = self.link.patiently(self.link.status)
+        self._q = self._joints(status.joints)
+        return State(status.boot, status.running, status.closed, self._q, status.sequence, self._homed)
+
+    def move(self, q: Float[np.ndarray, " joints"], rate: float) -> Float[np.ndarray, " joints"]:
+        """Move straight to `q`; where the robot stands afterwards."""
+        answer = self._motion("MOVE", q, rate)
+        if answer[0] != "OK":
+            self._nonsense(f"{answer[0]} to a move")
+        self._q = self._joints(answer[1].get("q", ""))
+        return self._q
+
+    def search(self, q: Float[np.ndarray, " joints"], rate: float) -> Contact | NoContact:
+        """Move straight towards `q` until the wire touches."""
+        kind, fields = self._motion("SEARCH", q, rate)
+        if kind == "CONTACT":
+            latched, self._q = self._joints(fields.get("q", "")), self._joints(fields.get("stop", ""))
+            return Contact(latched, self._q, fields.get("boot", ""), _number(fields.get("seq", "")))
+        if kind != "NOCONTACT":
+            self._nonsense(f"{kind} to a search")
+        self._q = self._joints(fields.get("q", ""))
+        return NoContact(self._q)
+
+    def latch(self) -> Latch | None:
+        """The last latch of this boot."""
+        try:
+            fields = dict(FIELDS.findall(self.link.ask("LATCH").text))
+        except Refused as refusal:
+            if refusal.code == "NOLATCH":
+                return None
+            raise
+        return Latch(self._joints(fields.get("q", "")), fields.get("boot", ""), _number(fields.get("seq", "")))
+
+    def stop(self) -> None:
+        """Stop the robot and return when it stands still."""
+        self.link.halt()
+
+    def close(self) -> None:
+        """Give the port back."""
+        self.link.transport.close()
+
+    def _motion(self, verb: str, q: Float[np.ndarray, " joints"], rate: float) -> tuple[str, dict[str, str]]:
+        target = q / self._unit
+        start = self._q if self._q is not None else self.state().q
+        seconds = np.abs(target - start / self._unit).max() / np.degrees(rate)
+        numbers = ",".join(f"{value:.6f}" for value in target)
+        body = f"{verb} {numbers} {np.degrees(rate):.5f}"
+        if len(body) > LONGEST - 12:
+            body = f"{verb} {','.join(f'{value:.5f}' for value in target)} {np.degrees(rate):.3f}"
+        self._q = None
+        try:
+            answer = self.link.ask(body, max(seconds, 1e-3))
+        except Refused as refusal:
+            self._homed &= refusal.code != "UNHOMED"
+            raise
+        return answer.kind, dict(FIELDS.findall(answer.text))
+
+    def _joints(self, text: str) -> Float[np.ndarray, " joints"]:
+        try:
+            values = np.array([float(value) for value in text.split(",")])
+        except ValueError:
+            values = np.array([np.nan])
+        if len(values) != self.joints or not np.isfinite(values).all():
+            self._nonsense(f"joints {text!r} where {self.joints} numbers were expected")
+        return values * self._unit
+
+    def _nonsense(self, what: str) -> NoReturn:
+        raise LinkLost(f"the {self.name} answered {what}; its touch program does not keep to {SPOKEN}")
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isdecimal() else -1
