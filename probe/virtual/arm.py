@@ -72,15 +72,11 @@ class Arm:
         start, end, held = ((q + self.off)[None] for q in (start, end, self.geared))
         return Paths(start, end, self.theta, held, self.play)
 
-    def follow(
-        self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"], *, feels: bool = True
-    ) -> Trip:
-        """The path of the arm when the encoders go straight from `start` to `end`; without feeling, no contact."""
+    def follow(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> Trip:
+        """The path of the arm when the encoders go straight from `start` to `end`."""
         if not self.closed:
             self._draw()
         paths = self._paths(start, end)
-        if not feels:
-            return Trip(paths, self.off, NEVER, "", None)
         opening = self._opening(paths, start, end) if self.closed else None
         begin = 0.0 if opening is None else opening
         if opening is not None:

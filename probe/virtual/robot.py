@@ -13,60 +13,11 @@ from jaxtyping import Float
 from identify.model.cell import Cell
 from probe.virtual.arm import Arm, Trip
 from probe.virtual.motion import Profile, straight
+from probe.virtual.records import CONTACT, MOVE, NEVER, NOCONTACT, OK, SEARCH, Executed, Health, Outcome, Truly
 from probe.virtual.truth import Truth
 
-MOVE, SEARCH = "MOVE", "SEARCH"
-OK, CONTACT, NOCONTACT = "OK", "CONTACT", "NOCONTACT"
-NEVER = float("inf")
 BACK = np.radians(0.05)  # a retreat may miss the line that it came along by that much
 SETTLED = 0.05  # [s] open before a move watches for contact again: the chatter of an opening contact is no touch
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """How a motion ended: OK, CONTACT, NOCONTACT or the code of an error."""
-
-    kind: str
-    q: Float[np.ndarray, " joints"]  # [rad] or [mm], latched, or where the robot stands
-    stop: Float[np.ndarray, " joints"]
-    text: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Executed:
-    """One motion that was really made, and how it ended; for the judge, not for the driver."""
-
-    kind: str
-    q: Float[np.ndarray, " joints"]  # commanded
-    rate: float  # [rad/s]
-    began: float  # [s]
-    ended: float  # [s]
-    outcome: Outcome
-
-
-@dataclass(frozen=True, eq=False)
-class Truly:
-    """What truly happened at a latch; for the judge, not for the driver."""
-
-    time: float  # [s] of the contact
-    latched: float  # [s]
-    surface: str  # empty where nothing solid was met
-    q: Float[np.ndarray, " joints"]  # encoders at the contact
-    arm: Float[np.ndarray, " joints"]  # joints behind the gears at the contact
-    latch: Float[np.ndarray, " joints"]  # encoders at the latch
-    theta: Float[np.ndarray, " parameters"]  # the wire as long as it was
-    shift: float  # [mm] of the scatter: the contact closed that much before the face
-
-
-@dataclass
-class Health:
-    """What may be wrong with the machine."""
-
-    homed: bool = True
-    estop: bool = False
-    stuck: bool = False  # the contact reads closed, whatever the wire does
-    open: bool = False  # the wire is broken: nothing is ever felt
-    bounce: float | None = None  # [s] of chatter; None: the truth's
 
 
 @dataclass(eq=False)
@@ -77,6 +28,7 @@ class _Motion:
     profile: Profile
     start: Float[np.ndarray, " joints"]
     trip: Trip
+    watch: bool  # whether the controller looks at the contact
     code: str = ""  # why it ends early
     text: str = ""
     tripped: float = NEVER  # [s], the servo step at which the controller sees the contact
@@ -105,6 +57,7 @@ class VirtualRobot:
         self._zero = np.zeros_like(self._q)  # what the encoders read in the true zero position
         self._motion: _Motion | None = None
         self._retreat: np.ndarray | None = None  # where an EARLY move began
+        self.begun = 0  # motions
         self.arm = Arm(self.cell, self.truth, self.rng, self._q)
 
     @property
@@ -116,6 +69,19 @@ class VirtualRobot:
     def moving(self) -> bool:
         """Whether a motion runs."""
         return self._motion is not None
+
+    @property
+    def kind(self) -> str:
+        """MOVE or SEARCH while a motion runs, else nothing."""
+        return "" if self._motion is None else self._motion.kind
+
+    @property
+    def expected(self) -> tuple[float, float]:
+        """When the running motion began, and when it will trip or end [s]."""
+        motion = self._motion
+        if motion is None:
+            return self.time, self.time
+        return motion.profile.pieces[0].start, min(motion.tripped, motion.profile.end)
 
     @property
     def due(self) -> float:
@@ -168,8 +134,11 @@ class VirtualRobot:
         along = np.clip(step @ line / max(line @ line, 1e-18), 0, 1)
         return bool(np.abs(step - along * line).max() < np.degrees(BACK) and along > 0)
 
-    def begin(self, kind: str, q: Float[np.ndarray, " joints"], rate: float) -> Outcome | None:
-        """Begin a motion to `q` at `rate` [rad/s] of the fastest joint; the refusal where it cannot begin."""
+    def begin(self, kind: str, q: Float[np.ndarray, " joints"], rate: float, *, watch: bool = True) -> Outcome | None:
+        """Begin a motion to `q` at `rate` [rad/s] of the fastest joint; the refusal where it cannot begin.
+
+        A controller that does not `watch` its input drives a MOVE on into whatever it touches.
+        """
         if self._motion is not None:
             return self._refused("BUSY", "a motion is running")
         refusal = self.refusal(kind, q, rate)
@@ -177,30 +146,33 @@ class VirtualRobot:
             return refusal
         target = q + self._zero
         profile = straight(self.cell.robot, self._q, target, rate, self.time)
-        trip = self.arm.follow(self._q, target, feels=not self.health.open)
-        self._motion = _Motion(kind, target, rate, profile, self._q, trip)
-        self._foresee()
+        trip = self.arm.follow(self._q, target)
+        self._motion = _Motion(kind, target, rate, profile, self._q, trip, watch or kind == SEARCH)
+        self.begun += 1
+        self.foresee()
         return None
 
-    def _foresee(self) -> None:
-        """When the controller will see the contact: after the relay's delay, at a servo step."""
+    def foresee(self) -> None:
+        """When the controller will see the contact: after the relay's delay, at a servo step; again after a mishap."""
         motion, effects = self._motion, self.truth.effects
-        assert motion is not None
-        if motion.kind == MOVE and self.health.stuck:
+        if motion is None:
+            return
+        if not motion.watch or self.health.open or (motion.kind == MOVE and self.health.stuck):
             motion.tripped = NEVER
             return
         time = motion.profile.time(motion.trip.fraction)
         if motion.kind == MOVE and motion.trip.opening is not None:
             opened = motion.profile.time(motion.trip.opening)
             time = time if time > opened + SETTLED else NEVER
-        step = np.ceil((time + effects.relay_delay) / effects.servo - 1e-9) if np.isfinite(time) else NEVER
-        motion.tripped = max(float(step * effects.servo), time)
+        began = motion.profile.pieces[0].start  # on a servo step, as commands are
+        steps = np.ceil((time + effects.relay_delay - began) / effects.servo - 1e-9) if np.isfinite(time) else NEVER
+        motion.tripped = max(began + float(steps * effects.servo), time)
 
     def obstruct(self, fraction: float) -> None:
         """Something conducting stands at a fraction of the motion that has begun, until the robot has backed off."""
         if self._motion is not None and not self.health.open:
             self._motion.trip = self.arm.obstruct(self._motion.trip, fraction)
-            self._foresee()
+            self.foresee()
 
     def stop(self, code: str, text: str = "") -> None:
         """Brake the motion that runs, if any, and end it with a code."""
@@ -209,7 +181,13 @@ class VirtualRobot:
             motion.code, motion.text = code, text
             motion.profile = motion.profile.stopped(self.time)
             if motion.tripped > self.time:
-                self._foresee()
+                self.foresee()
+
+    def halt(self, code: str, text: str = "") -> None:
+        """Stop, and let the time pass that braking takes."""
+        self.stop(code, text)
+        while self._motion is not None:
+            self.advance(self.due)
 
     def advance(self, time: float) -> Outcome | None:
         """Let time pass; how the motion ended, when it did."""
@@ -276,9 +254,7 @@ class VirtualRobot:
 
     def restart(self, *, keeps_position: bool = True) -> None:
         """The controller starts anew: the drives drop where they are, and perhaps the position is lost."""
-        if self._motion is not None:
-            self.stop("STOPPED", "the controller restarted")
-            self.advance(self.due)
+        self.halt("STOPPED", "the controller restarted")
         self._retreat = None
         if not keeps_position:
             self._zero = self._q.copy()
