@@ -1,0 +1,191 @@
+"""Does the model mean what the pendant shows? Poses read off it, and the usual reasons why they differ."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.cell import DEG, Cell
+from identify.model.files import read_sheet
+from identify.model.frames import rotation, transform
+from identify.model.tables import POINT, joint_columns
+
+EULER = ("w_deg", "p_deg", "r_deg")
+NEAR_MM, NEAR_RAD = 1.0, 0.2 * DEG  # a pendant shows nominal numbers, rounded: what is further off is another model
+FEWEST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Pendant:
+    """Poses as the pendant shows them: joints, and the tool's place X Y Z W P R in the robot's base frame."""
+
+    ids: tuple[str, ...]
+    q: Float[np.ndarray, "poses joints"]  # [rad] or [mm]
+    point: Float[np.ndarray, "poses 3"]  # [mm]
+    angles: Float[np.ndarray, "poses 3"]  # [rad], W, P, R
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One reason why a pendant and a model differ, and what to do about it."""
+
+    name: str
+    cure: str
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far model and pendant are apart, before and after the causes found."""
+
+    position_mm: float  # largest, with the model as it is
+    angle_deg: float
+    causes: tuple[Cause, ...]
+    explained_mm: float  # largest, with the causes
+    explained_deg: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the model as it is means what the pendant shows."""
+        return self.position_mm < NEAR_MM and self.angle_deg < NEAR_RAD / DEG
+
+    @property
+    def explained(self) -> bool:
+        """Whether the causes make model and pendant agree."""
+        return self.explained_mm < NEAR_MM and self.explained_deg < NEAR_RAD / DEG
+
+
+def read_pendant(path: Path, cell: Cell) -> Pendant:
+    """Read pendant.csv: columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg; raises InputError."""
+    sheet = read_sheet(path, ["id", *joint_columns(cell.robot), *POINT, *EULER], [])
+    q = np.column_stack([sheet.numbers(name) for name in joint_columns(cell.robot)]) * cell.robot.joint_unit()
+    point, angles = (np.column_stack([sheet.numbers(name) for name in names]) for names in (POINT, EULER))
+    if len(sheet.lines) < FEWEST:
+        sheet.at(0, f"{len(sheet.lines)} poses tell too little; read at least {FEWEST}, with every joint moved")
+    sheet.stop()
+    return Pendant(tuple(sheet.text("id")), q, point, angles * DEG)
+
+
+def compare(cell: Cell, pendant: Pendant) -> Agreement:
+    """Compare model and pendant; where they differ, the fewest usual causes that explain it."""
+    as_is = _misfit(cell, pendant, pendant.q[None], _READINGS[0])
+    position, angle = float(as_is[0][0]), float(as_is[1][0])
+    best = Agreement(position, angle / DEG, (), position, angle / DEG)
+    if best.agrees:
+        return best
+    found = min(_explanations(cell, pendant), key=lambda a: (not a.explained, *_cost(a)))
+    return Agreement(position, angle / DEG, found.causes, found.explained_mm, found.explained_deg)
+
+
+def _cost(a: Agreement) -> tuple[float, float]:
+    """Fewer causes first where they explain; the smaller misfit first where nothing does."""
+    return (len(a.causes), a.explained_mm) if a.explained else (a.explained_mm, len(a.causes))
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """How the numbers of a pose may be meant."""
+
+    flange: bool  # the flange is shown, not the tip
+    metres: bool
+    shifted: bool  # by a constant, as with a base plate or another origin
+    order: str  # of the Euler angles
+
+    def causes(self, shift: Float[np.ndarray, " 3"]) -> Iterator[Cause]:
+        if self.flange:
+            yield Cause(
+                "the pendant shows the flange, not the wire tip",
+                "select the tool on the pendant, or compare with tool zero",
+            )
+        if self.metres:
+            yield Cause("the pendant's lengths are metres", "multiply x, y and z by 1000")
+        if self.shifted:
+            words = ", ".join(f"{v:+.1f}" for v in shift)
+            yield Cause(
+                f"the pendant's origin lies ({words}) mm from the model's base",
+                "add it to the base's height in robot.yaml (d_mm of joint 1), or to base: in cell.yaml",
+            )
+        if self.order != "zyx":
+            yield Cause(
+                f"the angles are meant as {' '.join('R' + axis for axis in self.order)}, not Rz Ry Rx",
+                "convert them, or read them in the W P R convention",
+            )
+
+
+_READINGS = [_Reading(f, m, s, o) for o in ("zyx", "xyz", "zyz") for s, m, f in product((False, True), repeat=3)]
+
+
+def _explanations(cell: Cell, pendant: Pendant) -> Iterator[Agreement]:
+    """Every combination of joint conventions with every way to read a pose."""
+    conventions = list(_conventions(cell, pendant.q))
+    q = np.stack([joints for _, joints in conventions])
+    for reading in _READINGS:
+        position, angle, shift = _misfit(cell, pendant, q, reading)
+        size = np.array([len(causes) for causes, _ in conventions])
+        good = (position < NEAR_MM) & (angle < NEAR_RAD)
+        for i in {int(np.argmin(position + angle * 300)), int(np.argmin(np.where(good, size, 99)))}:
+            causes = (*conventions[i][0], *reading.causes(shift[i]))
+            yield Agreement(0.0, 0.0, causes, float(position[i]), float(angle[i]) / DEG)
+
+
+def _conventions(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Iterator[tuple[tuple[Cause, ...], np.ndarray]]:
+    """Joint values under axis signs, a coupling of joint 3 to joint 2, and an offset of a right angle."""
+    n = q.shape[1]
+    names = [joint.name for joint in cell.robot.joints]
+    offsets = [None, *((i, turn) for i in range(n) if not cell.robot.prismatic[i] for turn in (90, -90, 180))]
+    for signs, couple, offset in product(product((1, -1), repeat=n), (0, 1, -1) if n > 2 else (0,), offsets):
+        flipped = [names[i] for i in range(n) if signs[i] < 0]
+        causes = [
+            Cause(f"the axis of {name} points the other way", f"negate {name} in plans and touches") for name in flipped
+        ]
+        if couple:
+            sign = "+" if couple > 0 else "-"
+            causes.append(
+                Cause(f"{names[2]} is coupled to {names[1]}: the model's is the pendant's {sign} {names[1]}",
+                      f"write {names[2]} {sign} {names[1]} in place of {names[2]}")
+            )  # fmt: skip
+        joints = q * np.array(signs)
+        if couple:
+            joints[:, 2] += couple * q[:, 1]
+        if offset is not None:
+            i, turn = offset
+            joints[:, i] += turn * DEG
+            causes.append(
+                Cause(
+                    f"the zero of {names[i]} is {turn:+d} degrees off",
+                    f"add {turn} to theta_deg of {names[i]} in robot.yaml",
+                )
+            )
+        if len(causes) <= 3:
+            yield tuple(causes), joints
+
+
+def _misfit(
+    cell: Cell, pendant: Pendant, q: Float[np.ndarray, "ways poses joints"], reading: _Reading
+) -> tuple[Float[np.ndarray, " ways"], Float[np.ndarray, " ways"], Float[np.ndarray, "ways 3"]]:
+    """Largest distances [mm] and angles [rad] of each way of meaning the joints, and the constant shift taken out."""
+    ways, poses, joints = q.shape
+    p, R = cell.kinematics.flange(q.reshape(-1, joints), cell.theta)
+    if not reading.flange and cell.tool is not None:
+        tool = transform(cell.tool)
+        p, R = p + R @ tool[:3, 3], R @ tool[:3, :3]
+    point = pendant.point * (1000.0 if reading.metres else 1.0)
+    way = point - p.reshape(ways, poses, 3)
+    shift = way.mean(axis=1) if reading.shifted else np.zeros((ways, 3))
+    shown = _shown(pendant.angles, reading.order)
+    cosine = (np.einsum("wpij,pij->wp", R.reshape(ways, poses, 3, 3), shown) - 1) / 2
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    return np.linalg.norm(way - shift[:, None], axis=2).max(axis=1), angle.max(axis=1), shift
+
+
+def _shown(angles: Float[np.ndarray, "poses 3"], order: str) -> Float[np.ndarray, "poses 3 3"]:
+    """Rotations of W, P, R in an order of elementary rotations; zyx is Rz(R) Ry(P) Rx(W)."""
+    w, p, r = angles.T
+    zero = np.zeros_like(w)
+    if order == "zyx":
+        return rotation(r, p, w)
+    if order == "xyz":
+        return rotation(zero, zero, w) @ rotation(zero, p, zero) @ rotation(r, zero, zero)
+    return rotation(w, p, zero) @ rotation(r, zero, zero)

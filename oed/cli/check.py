@@ -1,0 +1,66 @@
+"""`touchcal check`."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+from identify.model.cell import DEG, Cell
+from identify.model.identifiability import structure
+from identify.pendant import Agreement, compare, read_pendant
+from oed.cli.options import CellFile, Json, load_cell, print_json
+
+
+def check(*, cell: CellFile = Path("cell.yaml"), pendant: Path | None = None, json: Json = False) -> int:
+    """Validate the cell, and compare its model with poses read off the pendant.
+
+    Exit code 1 where model and pendant disagree; the usual causes are tried (axis signs, joint 3 coupled to joint 2,
+    offsets of a right angle, flange or tip, base height, order of the angles, mm or m), and the one that explains it is
+    named. pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg. Example:
+
+        touchcal check --pendant pendant.csv
+
+    Parameters
+    ----------
+    pendant
+        Poses read off the pendant: joints, and the tool's place in the robot's base frame.
+    """
+    described = load_cell(cell)
+    found = None if pendant is None else compare(described, read_pendant(pendant, described))
+    if json:
+        known = structure(described)
+        print_json({"robot": described.robot.name, "rank": known.rank, "pendant": found and asdict(found)})
+    else:
+        print(story(described, found))
+    return 0 if found is None or found.agrees else 1
+
+
+def story(cell: Cell, found: Agreement | None) -> str:
+    """What a person wants to see again of the cell file, and what the pendant says to it."""
+    joints = "".join("P" if p else "R" for p in cell.robot.prismatic)
+    known = structure(cell)
+    lines = [
+        f"robot {cell.robot.name}: {len(joints)} joints ({joints}), {known.rank} of {len(known.names)} parameters can "
+        "be identified",
+        "jig: none" if cell.jig is None else f"jig {cell.jig.name}: {len(cell.jig.faces)} faces, {_sides(cell)}",
+        f"touches: {cell.touch.speed:g} mm/s, at most {cell.touch.max_tilt / DEG:g} degrees off the normal",
+    ]
+    if cell.zone is not None:
+        box = " x ".join(f"{lo:g} ... {hi:g}" for lo, hi in cell.zone.box)
+        lines.append(f"zone: {box} mm, torch within {cell.zone.max_tilt / DEG:g} degrees of straight down")
+    return "\n".join([*lines, *_pendant(found)])
+
+
+def _sides(cell: Cell) -> str:
+    assert cell.jig is not None
+    sides = {"+-"[int(n.max() < -n.min())] + "xyz"[int(abs(n).argmax())] for n in (f.normal for f in cell.jig.faces)}
+    return "looking along " + ", ".join(sorted(sides))
+
+
+def _pendant(found: Agreement | None) -> list[str]:
+    if found is None:
+        return ["cell is valid; compare it with the pendant: touchcal check --pendant pendant.csv"]
+    if found.agrees:
+        return [f"pendant: agrees within {found.position_mm:.2f} mm and {found.angle_deg:.2f} degrees"]
+    lines = [f"pendant: DISAGREES by up to {found.position_mm:.1f} mm and {found.angle_deg:.1f} degrees"]
+    if not found.explained:
+        return [*lines, "none of the usual causes explains it; compare the link lengths with the robot's drawing"]
+    return [*lines, *(f"  because {cause.name}: {cause.cure}" for cause in found.causes)]
