@@ -14,6 +14,7 @@ COMMANDS = {
     "demo": "The whole loop on the embedded virtual robot: plan, touch, identify, verify.",
     "init": "Make a commented cell folder to start from.",
     "check": "Validate the cell, and compare it with poses read off the pendant.",
+    "virtual": "Serve a virtual robot cell on a pseudo-terminal or socket.",
     "plan": "Choose the touches that tell the most about the robot.",
     "identify": "Identify the parameters that put every touch on its face.",
     "verify": "Errors at touches or positions that the fit has not seen.",
