@@ -1,17 +1,29 @@
-"""The touches that could be made: contact points on faces, wire and roll, joint values of contact and of approach."""
+"""The touches that could be made: contact points on faces, wire and turn, joint values of contact and of approach."""
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
-from identify.model.frames import rotation
+from identify.model.files import InputError
 from identify.model.inverse import reach
 from identify.model.jig import Face
 from identify.model.measurement import Rows
+from oed.branches import Branches, Poses
+from oed.clearance import MARGIN
+from oed.inset import EDGE, SHARE, Margins, margins, warnings
+from oed.judgement import Judge, Verdict
+from oed.reasons import reasons
+from oed.targets import Targets, spread, structured
 
-TOLERANCE = 1e-4  # [mm], how well inverse kinematics has to meet a target
+COUNT = 30_000
+ROUND = 16_000  # targets asked for at a time
+STRUCTURED = 0.7  # of them; the others are spread evenly
+ROUNDS = 40  # at the most
+EXPLORED = 3_000  # contacts that show what can be reached, and how uncertain the tip is there
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,21 +37,27 @@ class Candidates:
     tilt: Float[np.ndarray, " touches"]  # [rad], between the wire and the normal
     q: Float[np.ndarray, "touches joints"]  # [rad] or [mm], at contact
     approach: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
+    margins: Margins  # kept by all of them
+    notes: tuple[str, ...] = ()  # sentences: faces that are not reached and why, faces that may be missed
 
     def __len__(self) -> int:
         return len(self.face)
 
     def take(self, index: Int[np.ndarray, " some"] | Bool[np.ndarray, " touches"]) -> "Candidates":
         """Some of the candidates, in the order of the index."""
-        columns = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "faces"}
-        return replace(self, **columns)
+        return replace(self, **{name: getattr(self, name)[index] for name in COLUMNS})
+
+    @cached_property
+    def number(self) -> Int[np.ndarray, " faces"]:
+        """How many there are on each face."""
+        return np.bincount(self.face, minlength=len(self.faces))
 
     def names(self) -> tuple[str, ...]:
         """The name of the face of every touch."""
         return tuple(self.faces[i].name for i in self.face)
 
     def rows(self, cell: Cell) -> Rows:
-        """The equations that these touches will give, weighted by the scatter of touches and by the faces' tolerances."""
+        """The equations that these touches will give, with the scatter of touches and the faces' tolerances."""
         wire, m = cell.wire, len(self)
         tolerance = np.array([face.tolerance for face in self.faces])[self.face]
         offset = np.array([face.offset for face in self.faces])[self.face]
@@ -50,71 +68,105 @@ class Candidates:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class Targets:
-    """Contacts to be reached: where on which face, and how the wire stands on it."""
-
-    face: Int[np.ndarray, " targets"]
-    point: Float[np.ndarray, "targets 3"]  # [mm], in the plane of the face
-    normal: Float[np.ndarray, "targets 3"]
-    tilt: Float[np.ndarray, " targets"]  # [rad]
-    rotation: Float[np.ndarray, "targets 3 3"]  # jig_R_tip
+COLUMNS = tuple(f.name for f in fields(Candidates) if f.name not in ("faces", "margins", "notes"))
 
 
-def targets(
-    faces: tuple[Face, ...],
-    face: Int[np.ndarray, " targets"],
-    fraction: Float[np.ndarray, "targets 2"],
-    tilt: Float[np.ndarray, " targets"],
-    azimuth: Float[np.ndarray, " targets"],
-    roll: Float[np.ndarray, " targets"],
-) -> Targets:
-    """Contacts at fractions of u and v of faces; the wire leans by `tilt` towards `azimuth`, from u to v [rad]."""
-    normal = np.stack([f.normal for f in faces])[face]
-    frame = np.stack([np.column_stack([f.u / f.size[0], f.v / f.size[1], f.normal]) for f in faces])[face]
-    zero = np.zeros(len(face))
-    lean = rotation(azimuth, tilt, zero) @ rotation(roll - azimuth, zero, zero)  # of the normal
-    upside_down = np.diag([1.0, -1.0, -1.0])  # z of the tip points along the wire, into the face
-    origin, u, v = (np.stack([getattr(f, key) for f in faces])[face] for key in ("origin", "u", "v"))
-    point = origin + fraction[:, :1] * u + fraction[:, 1:] * v
-    return Targets(face, point, normal, tilt, frame @ lean @ upside_down)
+def candidates(
+    cell: Cell,
+    rng: np.random.Generator,
+    count: int = COUNT,
+    *,
+    theta: Float[np.ndarray, " parameters"] | None = None,
+    covariance: Float[np.ndarray, "parameters parameters"] | None = None,
+    share: float = SHARE,
+    margin: float = MARGIN,
+) -> Candidates:
+    """Feasible touches of the jig, `count` of them where there are so many; raises InputError where there are none.
 
-
-def extent(cell: Cell, tilt: Float[np.ndarray, " touches"]) -> Float[np.ndarray, " touches"]:
-    """How far the middle of the wire's end stays off a face at contact [mm]."""
-    wire = cell.wire
-    if wire.shape == "flat":
-        return wire.radius * np.sin(tilt)
-    return np.full(len(tilt), wire.radius if wire.shape == "ball" else 0.0)
-
-
-def candidates(cell: Cell, rng: np.random.Generator, count: int = 2000, *, inset: float = 0.2) -> Candidates:
-    """At least `count` feasible touches where so many can be found: on all faces, within tilt and joint limits."""
-    assert cell.jig is not None
-    faces = cell.jig.faces
+    `theta` and `covariance` are what is known of the robot, its nominal parameters and priors if not given: they place
+    the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and torch [mm].
+    """
+    _require(cell)
+    theta = cell.theta if theta is None else theta
+    search = _Search(cell, theta, np.diag(cell.prior**2) if covariance is None else covariance, share, margin, rng)
     found: list[Candidates] = []
-    for _ in range(20):
-        m = 2 * count
-        drawn = targets(
-            faces, rng.integers(len(faces), size=m), rng.uniform(inset, 1 - inset, (m, 2)),
-            cell.touch.max_tilt * np.sqrt(rng.uniform(size=m)), *rng.uniform(-np.pi, np.pi, (2, m)),
-        )  # fmt: skip
-        found.append(_reached(cell, faces, drawn, rng))
-        if sum(map(len, found)) >= count:
+    for _ in range(ROUNDS):
+        found.append(search.round())
+        if sum(map(len, found)) >= count or not len(found[0]):
             break
-    joined = {f.name: np.concatenate([getattr(c, f.name) for c in found]) for f in fields(Candidates)[1:]}
-    return Candidates(faces, **joined).take(np.arange(min(count, len(joined["face"]))))
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in found]) for name in COLUMNS}
+    all_found = Candidates(search.faces, **columns, margins=search.judge.margins)
+    unreached = reasons(search.judge, search.tally)
+    if not len(all_found):
+        raise InputError("no touch can be made. " + " ".join(unreached))
+    notes = (*unreached, *warnings(cell, search.judge.margins))
+    some = rng.choice(len(all_found), min(count, len(all_found)), replace=False)
+    return replace(all_found.take(np.sort(some)), notes=notes)
 
 
-def _reached(cell: Cell, faces: tuple[Face, ...], wanted: Targets, rng: np.random.Generator) -> Candidates:
-    robot, m = cell.robot, len(wanted.face)
-    start = rng.uniform(robot.lower, robot.upper, (m, len(robot.joints)))
-    tip = wanted.point + extent(cell, wanted.tilt)[:, None] * wanted.normal
-    contact = reach(cell.kinematics, cell.theta, tip, wanted.rotation, start)
-    above = tip + cell.touch.approach * wanted.normal
-    approach = reach(cell.kinematics, cell.theta, above, wanted.rotation, contact.q)
-    near = np.abs(approach.q - contact.q).max(axis=1) < 0.5
-    ok = np.flatnonzero(contact.reached(TOLERANCE) & approach.reached(TOLERANCE) & near)
-    return Candidates(
-        faces, wanted.face[ok], wanted.point[ok], wanted.normal[ok], wanted.tilt[ok], contact.q[ok], approach.q[ok]
-    )
+def _require(cell: Cell) -> None:
+    if cell.jig is None:
+        raise InputError("the cell has no jig to touch; name one in cell.yaml (jig: library:step-block)")
+    for name, pose in (("base", cell.base), ("tool", cell.tool)):
+        if pose is None:
+            raise InputError(f"{name}: fit leaves open where the {name} stands; write its pose to plan touches")
+
+
+class _Search:
+    """Rounds of targets, solved and judged."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        theta: Float[np.ndarray, " parameters"],
+        covariance: Float[np.ndarray, "parameters parameters"],
+        share: float,
+        margin: float,
+        rng: np.random.Generator,
+    ) -> None:
+        assert cell.jig is not None
+        self.cell, self.theta, self.rng = cell, theta, rng
+        self.faces = cell.jig.faces
+        size = np.stack([face.size for face in self.faces])
+        explored = spread(cell, np.minimum(EDGE / size, 0.4), EXPLORED, rng)
+        self.branches = Branches(cell, theta, _poses(cell, explored), rng)
+        known = self.branches.known.within(cell.robot)
+        face = explored.face[self.branches.order][known.pose]
+        kept = margins(cell, covariance, theta, face, known.q, share)
+        self.inset = np.minimum(kept.inset / size, 0.5)
+        self.judge = Judge(cell, theta, kept, margin)
+        self.tally = np.zeros((len(self.faces), len(Verdict)), dtype=int)
+
+    def round(self) -> Candidates:
+        """Touches that pass."""
+        many = int(STRUCTURED * ROUND)
+        grid = structured(self.cell, self.inset, many, self.rng)
+        wanted = grid.followed_by(spread(self.cell, self.inset, ROUND - many, self.rng))
+        found = self.branches.solve(_poses(self.cell, wanted))
+        face = wanted.face[found.pose]
+        q, tilt = found.q, wanted.tilt[found.pose]
+        if len(self.cell.robot.joints) < 5:
+            q, tilt = self._settled(wanted.take(found.pose), q)
+        approach, verdict = self.judge.touch(face, q)
+        np.add.at(self.tally, (face, verdict), 1)
+        ok = verdict == Verdict.FINE
+        pose = found.pose[ok]
+        return Candidates(
+            self.faces, face[ok], wanted.point[pose], wanted.normal[pose], tilt[ok], q[ok], approach[ok],
+            self.judge.margins,
+        )  # fmt: skip
+
+    def _settled(
+        self, wanted: Targets, q: Float[np.ndarray, "touches joints"]
+    ) -> tuple[Float[np.ndarray, "touches joints"], Float[np.ndarray, " touches"]]:
+        """Joints and tilts at contact, where the robot and not the target says how the wire stands."""
+        for _ in range(3):
+            tip, R = self.cell.kinematics.tip(q, self.theta)
+            tilt = np.arccos(np.clip(-(R[:, :, 2] * wanted.normal).sum(axis=1), -1.0, 1.0))
+            tip = replace(wanted, tilt=tilt).tip(self.cell)
+            q = reach(self.cell.kinematics, self.theta, tip, R, q, free_orientation=True, iterations=5).q
+        return q, tilt
+
+
+def _poses(cell: Cell, wanted: Targets) -> Poses:
+    return Poses(wanted.tip(cell), wanted.rotation)

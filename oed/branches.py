@@ -1,0 +1,142 @@
+"""All branches of the inverse kinematics of many poses: a few from many starts, the others from their neighbours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.cell import Cell
+from identify.model.descent import AXIS, LEVER, POINT, POSE
+from identify.model.inverse import EDGE, reach
+from identify.model.robot import Robot
+
+STARTS = 24  # random ones for each of the first poses: 98 of 100 solutions of a 6-axis arm are found by so many
+SEEDS, KNOWN = 300, 3000  # poses that get them, and poses whose solutions are kept as starts for all others
+SLACK = 0.3  # [rad] or [LEVER mm] beyond the joint limits, for a start whose solution may lie within
+MOST = 16  # solutions kept of a pose: a 6-axis arm has no more, a redundant one has infinitely many
+WANDER = 0.3  # [rad] or [LEVER mm], 1 sigma of the way off from known solutions, where solutions fill a curve
+ITERATIONS = 10  # from a neighbour
+TOLERANCE = 1e-4  # [mm]
+SAME = 1e-5  # difference of the keys of equal solutions
+BLOCK = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Poses of the tip in the jig frame."""
+
+    position: Float[np.ndarray, "poses 3"]  # [mm]
+    rotation: Float[np.ndarray, "poses 3 3"]
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def take(self, index: Int[np.ndarray, " some"] | slice) -> "Poses":
+        """Some of the poses."""
+        return Poses(self.position[index], self.rotation[index])
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """Joint values that bring the tip to poses; `pose` counts through these, in rising order."""
+
+    poses: Poses
+    pose: Int[np.ndarray, " solutions"]
+    q: Float[np.ndarray, "solutions joints"]  # [rad] or [mm]
+
+    def where(self, keep: Bool[np.ndarray, " solutions"]) -> "Solutions":
+        """Some of the solutions, of the same poses."""
+        return Solutions(self.poses, self.pose[keep], self.q[keep])
+
+    def within(self, robot: Robot, slack: float = 0.0) -> "Solutions":
+        """Solutions within the joint limits, or not further beyond than `slack` [rad] or [LEVER mm]."""
+        room = slack * np.where(robot.prismatic, LEVER, 1.0)
+        nearest = np.clip(self.q, robot.lower - room, robot.upper + room)
+        return self.where(np.asarray((np.abs(self.q - nearest) <= EDGE).all(axis=1)))
+
+
+class Branches:
+    """Inverse kinematics by continuation: what was solved for some poses is the start for those around them."""
+
+    def __init__(self, cell: Cell, theta: Float[np.ndarray, " parameters"], around: Poses, rng: np.random.Generator):
+        """Solve some of the poses `around` which others will be asked for."""
+        self.cell, self.theta, self.rng = cell, theta, rng
+        self.order = rng.permutation(len(around))[:KNOWN]  # of the known poses among those `around`
+        first, others = around.take(self.order[:SEEDS]), around.take(self.order[SEEDS:])
+        pose = np.repeat(np.arange(len(first)), STARTS)
+        start = rng.uniform(cell.robot.lower, cell.robot.upper, (len(pose), len(cell.robot.joints)))
+        self.known = seeds = self._solved(first, pose, start, 40)
+        rest = self._continued(others, skip=False)
+        pose, q = np.concatenate([seeds.pose, rest.pose + len(first)]), np.concatenate([seeds.q, rest.q])
+        self.known = Solutions(around.take(self.order), pose, q)
+
+    def solve(self, poses: Poses) -> Solutions:
+        """Solutions within the joint limits."""
+        return self._continued(poses, skip=True).within(self.cell.robot)
+
+    def _continued(self, poses: Poses, skip: bool) -> Solutions:
+        """Start from all solutions of the nearest known pose: of any, or (no `skip`) of one that has solutions."""
+        robot, near = self.cell.robot, self.known.within(self.cell.robot, SLACK)
+        count = np.bincount(near.pose, minlength=len(near.poses))
+        usable = np.arange(len(count)) if skip else np.flatnonzero(count)
+        if not len(usable):
+            return Solutions(poses, np.zeros(0, dtype=int), np.zeros((0, len(robot.joints))))
+        neighbour = usable[_nearest(self._features(poses), self._features(near.poses.take(usable)))]
+        first, times = np.searchsorted(near.pose, neighbour), count[neighbour]
+        pose = np.repeat(np.arange(len(poses)), times)
+        place = np.arange(len(pose)) - np.repeat(np.cumsum(times) - times, times)
+        start = near.q[np.repeat(first, times) + place]
+        if self.task < len(robot.joints):  # infinitely many solutions: not the same ones for all poses in one place
+            start = start + WANDER * np.where(robot.prismatic, LEVER, 1.0) * self.rng.normal(size=start.shape)
+        return self._solved(poses, pose, start, ITERATIONS)
+
+    @property
+    def task(self) -> int:
+        """Rows of what is asked: a robot of less than six joints is not asked to stand in any way but its own."""
+        joints = len(self.cell.robot.joints)
+        return POSE if joints >= 6 else AXIS if joints == 5 else POINT
+
+    def _solved(self, poses: Poses, pose: Int[np.ndarray, " starts"], start: np.ndarray, iterations: int) -> Solutions:
+        """Solutions from given starts, each once."""
+        found = reach(
+            self.cell.kinematics, self.theta, poses.position[pose], poses.rotation[pose], start,
+            free_roll=self.task == AXIS, free_orientation=self.task == POINT, iterations=iterations,
+        )  # fmt: skip
+        ok = found.residual < TOLERANCE
+        keep = distinct(self.cell.robot, pose[ok], found.q[ok])
+        return Solutions(poses, pose[ok][keep], found.q[ok][keep])
+
+    def _features(self, poses: Poses) -> Float[np.ndarray, "poses features"]:
+        """Numbers whose Euclidean distance tells how far poses are apart, in radians or LEVER millimetres."""
+        turn = poses.rotation[:, :, {POSE: 0, AXIS: 2, POINT: 3}[self.task] :]
+        flat = turn.reshape(len(poses), 3 * turn.shape[2]) / np.sqrt(2)
+        return np.concatenate([poses.position / LEVER, flat], axis=1)
+
+
+def distinct(
+    robot: Robot, pose: Int[np.ndarray, " solutions"], q: Float[np.ndarray, "solutions joints"]
+) -> Int[np.ndarray, " distinct"]:
+    """Indices of solutions of a pose that differ by more than whole turns, MOST at the most, pose by pose.
+
+    Solutions are told apart by one number, their angles seen from a fixed odd direction.
+    """
+    odd = np.random.default_rng(3).normal(size=(2, q.shape[1]))
+    slides = np.array(robot.prismatic)
+    key = np.where(slides, q / LEVER, np.cos(q)) @ odd[0] + np.where(slides, 0.0, np.sin(q)) @ odd[1]
+    order = np.lexsort((key, pose))
+    pose, key = pose[order], key[order]
+    new = np.concatenate([[True], (np.diff(pose) > 0) | (np.diff(key) > SAME)])[: len(pose)]
+    order, pose = order[new], pose[new]
+    rank = np.arange(len(pose)) - np.searchsorted(pose, pose)
+    return order[rank < MOST]
+
+
+def _nearest(
+    some: Float[np.ndarray, "some features"], known: Float[np.ndarray, "known features"]
+) -> Int[np.ndarray, " some"]:
+    """The nearest known point of each, by one matrix product a block."""
+    middle = known.mean(axis=0)
+    known, some = (known - middle).astype(np.float32), (some - middle).astype(np.float32)
+    half = (known**2).sum(axis=1) / 2
+    blocks = [np.argmax(some[i : i + BLOCK] @ known.T - half, axis=1) for i in range(0, len(some), BLOCK)]
+    return np.concatenate(blocks) if blocks else np.zeros(0, dtype=int)

@@ -1,0 +1,80 @@
+"""How far to stay from the edges of a face: a robot that is off must still land on it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identify.model.cell import Cell
+
+SIGMAS = 2.0  # of the tip's predicted deviation that a touch should survive
+SHARE = (
+    0.4  # of half a face's width, the most that uncertainty takes from each side: the middle fifth is never given up
+)
+EDGE = 3.0  # [mm], least distance from an edge: chamfers, and half the wire
+TYPICAL = 90  # percentile of the deviation over the postures that touch a face
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """What touches on each face keep in reserve."""
+
+    deviation: Float[np.ndarray, "faces 3"]  # [mm], 1 sigma of the tip along u, v and the normal; NaN: not reached
+    inset: Float[np.ndarray, "faces 2"]  # [mm], from the edges along u and v
+    overtravel: Float[np.ndarray, " faces"]  # [mm], of the search beyond the planned contact
+
+
+def margins(
+    cell: Cell,
+    covariance: Float[np.ndarray, "parameters parameters"],
+    theta: Float[np.ndarray, " parameters"],
+    face: Int[np.ndarray, " postures"],
+    q: Float[np.ndarray, "postures joints"],
+    share: float = SHARE,
+) -> Margins:
+    """Insets and overtravel from the deviation of the tip at postures that touch the faces.
+
+    The deviation is that of J_tip theta for parameters of the given covariance, SIGMAS of it; the inset is no more
+    than `share` of half the width of a face, and the search no longer than the cell allows.
+    """
+    assert cell.jig is not None
+    faces = cell.jig.faces
+    deviation = np.full((len(faces), 3), np.nan)
+    root = _root(covariance)
+    _, J = cell.kinematics.tip_jacobian(q, theta)
+    for i in np.unique(face):
+        axes = np.stack([faces[i].u / faces[i].size[0], faces[i].v / faces[i].size[1], faces[i].normal])
+        sigma = np.linalg.norm(axes @ (J[face == i] @ root), axis=2)
+        deviation[i] = np.percentile(sigma, TYPICAL, axis=0)
+    size = np.stack([f.size for f in faces])
+    wanted = SIGMAS * np.nan_to_num(deviation, nan=np.inf)
+    inset = np.minimum(np.maximum(wanted[:, :2], EDGE), np.maximum(share * size / 2, EDGE))
+    room = max(cell.touch.travel - cell.touch.approach, 0.0)
+    return Margins(deviation, inset, np.minimum(np.maximum(wanted[:, 2], EDGE), room))
+
+
+def _root(covariance: Float[np.ndarray, "parameters parameters"]) -> Float[np.ndarray, "parameters parameters"]:
+    """A with A A' = covariance, which may be singular."""
+    value, vector = np.linalg.eigh(covariance)
+    return vector * np.sqrt(np.maximum(value, 0.0))
+
+
+def warnings(cell: Cell, found: Margins) -> tuple[str, ...]:
+    """Sentences on faces that are too narrow, and on those that a robot as uncertain as this one may miss."""
+    assert cell.jig is not None
+    faces = cell.jig.faces
+    narrow = [
+        f"face '{face.name}' is {face.size.min():.1f} mm wide, too narrow to stay {EDGE:g} mm from its edges."
+        for face in faces
+        if face.size.min() <= 2 * EDGE
+    ]
+    wanted = SIGMAS * found.deviation[:, :2]
+    missed = np.flatnonzero((wanted > found.inset + 1e-9).any(axis=1))
+    if not len(missed):
+        return tuple(narrow)
+    return (
+        *narrow,
+        f"the tip may be up to {wanted[missed].max():.0f} mm off ({SIGMAS:g} sigma), but touches stay only "
+        f"{found.inset[missed].min():.0f} to {found.inset[missed].max():.0f} mm from the edges of "
+        f"{', '.join(faces[i].name for i in missed)}, or little of these faces would be left.",
+    )
