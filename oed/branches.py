@@ -23,17 +23,18 @@ BLOCK = 1024
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of the tip in the jig frame."""
+    """Poses of the tip in the jig frame, in groups that lie apart: no neighbour is looked for in another group."""
 
     position: Float[np.ndarray, "poses 3"]  # [mm]
     rotation: Float[np.ndarray, "poses 3 3"]
+    group: Int[np.ndarray, " poses"]
 
     def __len__(self) -> int:
         return len(self.position)
 
     def take(self, index: Int[np.ndarray, " some"] | slice) -> "Poses":
         """Some of the poses."""
-        return Poses(self.position[index], self.rotation[index])
+        return Poses(self.position[index], self.rotation[index], self.group[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,29 +67,40 @@ class Branches:
         pose = np.repeat(np.arange(len(first)), STARTS)
         start = rng.uniform(cell.robot.lower, cell.robot.upper, (len(pose), len(cell.robot.joints)))
         self.known = seeds = self._solved(first, pose, start, 40)
-        rest = self._continued(others, skip=False)
+        rest = self._continued(others, everywhere=True)
         pose, q = np.concatenate([seeds.pose, rest.pose + len(first)]), np.concatenate([seeds.q, rest.q])
         self.known = Solutions(around.take(self.order), pose, q)
 
     def solve(self, poses: Poses) -> Solutions:
         """Solutions within the joint limits."""
-        return self._continued(poses, skip=True).within(self.cell.robot)
+        return self._continued(poses, everywhere=False).within(self.cell.robot)
 
-    def _continued(self, poses: Poses, skip: bool) -> Solutions:
-        """Start from all solutions of the nearest known pose: of any, or (no `skip`) of one that has solutions."""
+    def _continued(self, poses: Poses, everywhere: bool) -> Solutions:
+        """Start from all solutions of the nearest known pose of the group, or `everywhere` of one that has any."""
         robot, near = self.cell.robot, self.known.within(self.cell.robot, SLACK)
         count = np.bincount(near.pose, minlength=len(near.poses))
-        usable = np.arange(len(count)) if skip else np.flatnonzero(count)
-        if not len(usable):
-            return Solutions(poses, np.zeros(0, dtype=int), np.zeros((0, len(robot.joints))))
-        neighbour = usable[_nearest(self._features(poses), self._features(near.poses.take(usable)))]
-        first, times = np.searchsorted(near.pose, neighbour), count[neighbour]
+        neighbour = self._neighbour(poses, near.poses, np.flatnonzero(count) if everywhere else None)
+        first, times = np.searchsorted(near.pose, neighbour), np.where(neighbour < 0, 0, count[neighbour])
         pose = np.repeat(np.arange(len(poses)), times)
         place = np.arange(len(pose)) - np.repeat(np.cumsum(times) - times, times)
         start = near.q[np.repeat(first, times) + place]
         if self.task < len(robot.joints):  # infinitely many solutions: not the same ones for all poses in one place
             start = start + WANDER * np.where(robot.prismatic, LEVER, 1.0) * self.rng.normal(size=start.shape)
         return self._solved(poses, pose, start, ITERATIONS)
+
+    def _neighbour(
+        self, poses: Poses, known: Poses, usable: Int[np.ndarray, " some"] | None
+    ) -> Int[np.ndarray, " poses"]:
+        """The nearest of the usable known poses, or if all are, of those of the same group; -1 where there is none."""
+        some, others = self._features(poses), self._features(known)
+        out = np.full(len(poses), -1)
+        if usable is not None:
+            return usable[_nearest(some, others[usable])] if len(usable) else out
+        for group in np.unique(poses.group):
+            here, there = poses.group == group, np.flatnonzero(known.group == group)
+            if len(there):
+                out[here] = there[_nearest(some[here], others[there])]
+        return out
 
     @property
     def task(self) -> int:

@@ -80,15 +80,19 @@ def candidates(
     covariance: Float[np.ndarray, "parameters parameters"] | None = None,
     share: float = SHARE,
     margin: float = MARGIN,
+    structured: float = STRUCTURED,
 ) -> Candidates:
     """Feasible touches of the jig, `count` of them where there are so many; raises InputError where there are none.
 
     `theta` and `covariance` are what is known of the robot, its nominal parameters and priors if not given: they place
-    the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and torch [mm].
+    the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and torch [mm];
+    `structured` is the share that is asked for on corners and edges, the others are spread evenly.
     """
     _require(cell)
     theta = cell.theta if theta is None else theta
-    search = _Search(cell, theta, np.diag(cell.prior**2) if covariance is None else covariance, share, margin, rng)
+    search = _Search(
+        cell, theta, np.diag(cell.prior**2) if covariance is None else covariance, share, margin, structured, rng
+    )
     found: list[Candidates] = []
     for _ in range(ROUNDS):
         found.append(search.round())
@@ -122,10 +126,12 @@ class _Search:
         covariance: Float[np.ndarray, "parameters parameters"],
         share: float,
         margin: float,
+        structured: float,
         rng: np.random.Generator,
     ) -> None:
         assert cell.jig is not None
         self.cell, self.theta, self.rng = cell, theta, rng
+        self.structured = structured
         self.faces = cell.jig.faces
         size = np.stack([face.size for face in self.faces])
         explored = spread(cell, np.minimum(EDGE / size, 0.4), EXPLORED, rng)
@@ -139,9 +145,10 @@ class _Search:
 
     def round(self) -> Candidates:
         """Touches that pass."""
-        many = int(STRUCTURED * ROUND)
-        grid = structured(self.cell, self.inset, many, self.rng)
-        wanted = grid.followed_by(spread(self.cell, self.inset, ROUND - many, self.rng))
+        many = int(self.structured * ROUND)
+        wanted = spread(self.cell, self.inset, ROUND - many, self.rng)
+        if many:
+            wanted = structured(self.cell, self.inset, many, self.rng).followed_by(wanted)
         found = self.branches.solve(_poses(self.cell, wanted))
         face = wanted.face[found.pose]
         q, tilt = found.q, wanted.tilt[found.pose]
@@ -169,4 +176,4 @@ class _Search:
 
 
 def _poses(cell: Cell, wanted: Targets) -> Poses:
-    return Poses(wanted.tip(cell), wanted.rotation)
+    return Poses(wanted.tip(cell), wanted.rotation, wanted.face)

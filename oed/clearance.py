@@ -17,7 +17,7 @@ from oed.torch import torch
 
 MARGIN = 10.0  # [mm], from everything else
 NEAR = 1.0  # [mm], of the torch from the solid whose face it touches: the tip itself holds this distance
-CHUNK = 2048  # postures at a time, for the cache
+CHUNK = 4096  # postures at a time, for the cache
 GENERIC = 300  # postures that show which capsules always overlap
 CLEAR = -1
 

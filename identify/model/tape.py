@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-CHUNK = 4096  # rows at a time: few enough for the values in use to stay in the cache
+CHUNK = 8192  # rows at a time: few enough for the values in use to stay in the cache
 FEWEST = 250  # rows from which the tape is faster than CasADi's virtual machine
 
 Operation = Callable[..., Any]
