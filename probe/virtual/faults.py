@@ -6,7 +6,7 @@ Written `KIND`, then how often: `:RATE` at random, or `@N` at the N-th line, sea
     spoil:0.05,way=in       any of the five, towards the controller
     unplug@3,seconds=2      the cable is out for 2 s in the 3rd search, half-way to what that search meets
     reboot@3,fraction=1     the controller restarts just as the 3rd search touches
-    early@2,fraction=0.7    the contact closes at 0.7 of the 2nd move
+    early@2,fraction=0.7    the contact closes at 0.7 of the way of the 2nd move
 
 `fraction` (0.5) is of the time until the contact or the end of the motion, more than 1 is after it. `seconds` is
 controller time; `on=search`, `move` or `any` chooses which motions count; an open wire stays so `for=N` searches.
@@ -27,7 +27,8 @@ KINDS = {
     "garbage": (LINE, "bytes that nobody sent come before a line"),
     "duplicate": (LINE, "a line comes twice"),
     "lost-line": (LINE, "a line is lost"),
-    "spoil": (LINE, "any one of the five above"),
+    "unsolicited": (LINE, "the line `error:7`, which nobody asked for, comes before one of the controller"),
+    "spoil": (LINE, "any of bit-flip, lost-byte, garbage, duplicate, lost-line"),
     "unplug": (SEARCH, "the port is gone for some seconds"),
     "reboot": (SEARCH, "the controller starts anew, and keeps its position"),
     "reboot-lost": (SEARCH, "the controller starts anew, and its position is lost"),
@@ -39,7 +40,7 @@ KINDS = {
     "estop": (SEARCH, "the emergency stop is pressed for some seconds"),
     "early": (MOVE, "the contact closes during a move, until the robot has gone back"),
 }
-SPOILS = tuple(kind for kind, (scope, _) in KINDS.items() if scope == LINE and kind != "spoil")
+SPOILS = ("bit-flip", "lost-byte", "garbage", "duplicate", "lost-line")
 SECONDS = {"unplug": 1.0, "reboot": 0.5, "reboot-lost": 0.5, "hang": 3.0, "stuck": 1e9, "bounce": 0.02, "estop": 1e9}
 WRITTEN = re.compile(r"(?P<kind>[a-z-]+)(:(?P<rate>[\d.]+)|@(?P<at>\d+))?(?P<options>(,\w+=[\w.]+)*)")
 
@@ -73,12 +74,12 @@ def parse_fault(text: str) -> Fault:
         raise InputError(f"fault '{text}' cannot be read; write {kind}:0.05 or {kind}@3, then options like ,seconds=2")
     options = dict(part.split("=") for part in written["options"].split(",") if part)
     unknown = set(options) - {"way", "seconds", "fraction", "on", "for"}
+    way, scope = ("out" if kind == "unsolicited" else "both"), KINDS[kind][0]
     try:
         fault = Fault(
             kind, rate=float(written["rate"] or 0), at=int(written["at"] or (0 if written["rate"] else 1)),
-            way=options.get("way", "both"), seconds=float(options.get("seconds", SECONDS.get(kind, 0.0))),
-            fraction=float(options.get("fraction", 0.5)), on=options.get("on", KINDS[kind][0]),
-            lasts=int(options.get("for", 1)),
+            way=options.get("way", way), seconds=float(options.get("seconds", SECONDS.get(kind, 0.0))),
+            fraction=float(options.get("fraction", 0.5)), on=options.get("on", scope), lasts=int(options.get("for", 1)),
         )  # fmt: skip
     except ValueError as error:
         raise InputError(f"fault '{text}': {error}") from None
@@ -142,6 +143,8 @@ def spoil(kind: str, line: bytes, rng: np.random.Generator) -> list[bytes]:
         return [line, line]
     if kind == "lost-line" or not line:
         return []
+    if kind == "unsolicited":
+        return [b"error:7\r\n", line]
     if kind == "garbage":
         return [rng.bytes(int(rng.integers(1, 24))), line]
     at = int(rng.integers(len(line)))

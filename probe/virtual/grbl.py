@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from probe.virtual.gcode import read_block
 from probe.virtual.records import CONTACT, MOVE, NEVER, SEARCH, Outcome
 from probe.virtual.robot import VirtualRobot
 
@@ -29,10 +30,7 @@ LONGEST = 256  # bytes a line
 AXES = "XYZABCUVW"
 QUEUE = 15  # moves planned ahead
 RAPID = 1e6  # [rad/s], as fast as the joints go
-WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
 REALTIME = b"?!~\x18"
-MODES = {"G17", "G21", "G40", "G49", "G54", "G80", "G94", "G90", "G91", "G93"}
-MOTIONS = {"G0", "G1", "G38.2", "G38.3"}
 OKAY = b"ok\r\n"
 
 
@@ -203,34 +201,20 @@ class GrblController:
         return f"[PRB:{self._position(self.probed)}:{int(self.success)}]\r\n"
 
     def _block(self, code: str) -> list[bytes]:
-        """One line of G-code; everything is checked before anything changes."""
-        words = WORD.findall(code)
-        if "".join(letter + number for letter, number in words) != code:
-            return [_error(2 if re.match(r"[A-Z]", code) else 1)]
-        gs = [f"G{float(number):g}" for letter, number in words if letter == "G"]
-        axes = AXES[: len(self.unit)]
-        values = {letter: float(number) for letter, number in words if letter != "G"}
-        if len(values) + len(gs) != len(words):
-            return [_error(25)]
-        if any(g not in MODES | MOTIONS | {"G4", "G53"} for g in gs) or set(values) - {*axes, "F", "P", "N"}:
-            return [_error(20)]
-        motions = [g for g in gs if g in MOTIONS or g == "G4"]
-        if len(motions) > 1:
-            return [_error(21)]
-        self._set_modes(gs, values)
-        self.commands.append(code)
-        if motions == ["G4"]:
-            return self._push(Queued("G4", seconds=values.get("P", 0.0)))
-        self.motion = motions[0] if motions else self.motion
-        if not set(values) & set(axes):
-            return [_error(26)] if motions and motions[0].startswith("G38") else [OKAY]
-        return self._move(np.array([values.get(axis, np.nan) for axis in axes]), values)
-
-    def _set_modes(self, gs: list[str], values: dict[str, float]) -> None:
-        for g in gs:
+        block = read_block(code, AXES[: len(self.unit)])
+        if isinstance(block, int):
+            return [_error(block)]
+        for g in block.modes:
             self.modes |= {"distance": g} if g in ("G90", "G91") else {"feed": g} if g in ("G93", "G94") else {}
         if self.modes["feed"] == "G94":
-            self.feed_rate = values.get("F", self.feed_rate)
+            self.feed_rate = block.values.get("F", self.feed_rate)
+        self.commands.append(code)
+        if block.motion == "G4":
+            return self._push(Queued("G4", seconds=block.values.get("P", 0.0)))
+        self.motion = block.motion or self.motion
+        if not block.axes:
+            return [OKAY]
+        return self._move(np.array([block.axes.get(axis, np.nan) for axis in AXES[: len(self.unit)]]), block.values)
 
     def _move(self, axes: Float[np.ndarray, " joints"], values: dict[str, float]) -> list[bytes]:
         here = self._planned / self.unit

@@ -1,0 +1,39 @@
+"""One line of G-code as GRBL takes it: its words, or the number of the error."""
+
+import re
+from dataclasses import dataclass
+
+WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
+MODES = {"G17", "G21", "G40", "G49", "G54", "G80", "G94", "G90", "G91", "G93"}
+MOTIONS = {"G0", "G1", "G38.2", "G38.3", "G4"}
+NOT_A_NUMBER, NOT_A_LETTER, UNSUPPORTED, TWO_MOTIONS, TWICE, NO_AXES = 2, 1, 20, 21, 25, 26
+
+
+@dataclass(frozen=True)
+class Block:
+    """The words of one line."""
+
+    motion: str  # one of MOTIONS; empty where the line names none
+    modes: tuple[str, ...]
+    values: dict[str, float]  # of the axes, F, P and N
+    axes: dict[str, float]
+
+
+def read_block(code: str, axes: str) -> Block | int:
+    """A line without spaces and comments; everything is checked before anything changes."""
+    words = WORD.findall(code)
+    if "".join(letter + number for letter, number in words) != code:
+        return NOT_A_NUMBER if code[:1].isalpha() else NOT_A_LETTER
+    gs = [f"G{float(number):g}" for letter, number in words if letter == "G"]
+    values = {letter: float(number) for letter, number in words if letter != "G"}
+    if len(values) + len(gs) != len(words):
+        return TWICE
+    if set(gs) - MODES - MOTIONS or set(values) - {*axes, "F", "P", "N"}:
+        return UNSUPPORTED
+    motions = [g for g in gs if g in MOTIONS]
+    if len(motions) > 1:
+        return TWO_MOTIONS
+    block = Block(
+        "".join(motions), tuple(g for g in gs if g in MODES), values, {a: values[a] for a in axes if a in values}
+    )
+    return NO_AXES if block.motion.startswith("G38") and not block.axes else block
