@@ -1,0 +1,131 @@
+"""What LinuxCNC can be asked and told through linuxcncrsh, in its own units: degrees, or millimetres."""
+
+import secrets
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from probe.clock import Clock
+from probe.controller import LinkLost, Refused
+from probe.controllers.linuxcnc_mdi import BOOT, LAST, REPORTED, SEARCH, TRIPPED, Report, code_of, read_report
+from probe.controllers.linuxcncrsh import Shell
+
+POLL = 0.01  # [s]
+SETTLED = 0.04  # [s] without a change of position: LinuxCNC's task looks every 1 to 10 ms
+STALLED = 10.0  # [s] without one while a motion should run: a feed hold, or an override of 0
+SHOWN = 1.0  # [s] before a question to the parameters is asked again: another screen may have taken the answer
+ASKED = 20.0  # [s] before such questions are given up
+HOMING = 180.0  # [s]
+
+
+class Machine:
+    """LinuxCNC, looked at and told what to do; every method may raise LinkLost."""
+
+    def __init__(self, shell: Shell, clock: Clock, joints: int) -> None:
+        self.shell = shell
+        self.joints = joints
+        self._clock = clock
+
+    def commanded(self) -> Float[np.ndarray, " joints"]:
+        """Where LinuxCNC wants the axes to be: free of the encoders' trembling."""
+        return np.array(self.shell.numbers("abs_cmd_pos")[: self.joints])
+
+    def standing(self) -> Float[np.ndarray, " joints"]:
+        """What the encoders say."""
+        return np.array(self.shell.numbers("joint_pos")[: self.joints])
+
+    def touching(self) -> bool:
+        """Whether the touch input is closed."""
+        return self.shell.get("probe_value") == "1"
+
+    def switched_on(self) -> bool:
+        """Whether the emergency stop is released and the machine on."""
+        return self.shell.get("estop") == "OFF" and self.shell.get("machine") == "ON"
+
+    def running(self) -> bool:
+        """Whether a line of G-code is being executed."""
+        return self.shell.get("program_status") != "IDLE"
+
+    def unhomed(self) -> list[int]:
+        """Joints that are not homed, counted from 1."""
+        words = self.shell.get("joint_homed").split()[: self.joints]
+        return [i for i, word in enumerate(words, 1) if word != "YES"]
+
+    def moving(self) -> bool:
+        """Whether anything moves: looks twice, a moment apart."""
+        before = self.commanded()
+        self._clock.sleep(SETTLED)
+        return self.running() or not np.array_equal(self.commanded(), before)
+
+    def settle(self) -> None:
+        """Wait until nothing moves; raises Refused where a motion does not go on, once it is stopped."""
+        if not self._rests():
+            self.shell.abort()
+            if not self._rests():
+                raise LinkLost(f"LinuxCNC at {self.shell.transport.url} does not obey an abort; stop the robot")
+            raise Refused("NOTREACHED", "the motion did not go on; was it a feed hold, or an override of 0?")
+
+    def switch_on(self) -> None:
+        """Reset the emergency stop and switch the machine on, where that is possible."""
+        for what, wanted in (("estop", "OFF"), ("machine", "ON")):
+            if self.shell.get(what) != wanted:
+                self.shell.set(f"{what} {wanted}")
+
+    def home(self) -> None:
+        """Home every joint; raises Refused where that does not end."""
+        self.shell.set("mode manual")
+        if not self.shell.set("home -1"):  # other versions home joint by joint only
+            for joint in self.unhomed():
+                self.shell.set(f"home {joint - 1}")
+        deadline = self._clock.now() + HOMING
+        while self.unhomed():
+            if self._clock.now() > deadline:
+                raise self.refusal(self.shell.messages(), "UNHOMED")
+            self._clock.sleep(SETTLED)
+
+    def mdi(self, line: str) -> None:
+        """Have a line of G-code begun; raises Refused where it is not taken."""
+        if not self.shell.set(f"mdi {line}"):
+            raise self.refusal([*self.shell.messages(), "or another program has taken control of linuxcncrsh"], "BUSY")
+
+    def report(self) -> Report:
+        """What the parameters say; a LinuxCNC that nobody has greeted yet is given its boot first."""
+        report = read_report(self.parameters(REPORTED))
+        if not report.boot:
+            self.mdi(f"{BOOT}={secrets.randbelow(0xFFFF) + 1} {LAST}=0 {SEARCH}=0 {TRIPPED}=-1")
+            report = read_report(self.parameters(REPORTED))
+        return report
+
+    def parameters(self, names: str) -> list[float]:
+        """Values of parameters, shown as a message with a tag of ours; NaN where one does not exist."""
+        deadline = self._clock.now() + ASKED
+        while self._clock.now() < deadline:
+            tag = f"touchcal {secrets.token_hex(3)}"
+            self.mdi(f"(DEBUG,{tag} {names})")
+            shown = self._clock.now() + SHOWN
+            while self._clock.now() < shown:
+                text = self.shell.get("operator_display")
+                if text.startswith(tag):
+                    return [float("nan") if "#" in word else float(word) for word in text.split()[2:]]
+                self._clock.sleep(POLL)
+        raise LinkLost(
+            f"LinuxCNC at {self.shell.transport.url} does not show its parameters; does another screen take its "
+            "messages? close that screen"
+        )
+
+    def refusal(self, messages: Sequence[str], otherwise: str) -> Refused:
+        """Why LinuxCNC did not do what it was asked, in its own words."""
+        code = "ESTOP" if self.shell.get("estop") == "ON" else code_of(messages, otherwise)
+        return Refused(code, "; ".join(messages))
+
+    def _rests(self) -> bool:
+        """Wait until nothing moves; False where a line of G-code runs on, but nothing moves."""
+        last, since = np.empty(0), self._clock.now()
+        while True:
+            running, at, now = self.running(), self.commanded(), self._clock.now()
+            if not np.array_equal(at, last):
+                last, since = at, now
+            if now - since > (STALLED if running else SETTLED):
+                return not running
+            self._clock.sleep(POLL)

@@ -1,0 +1,447 @@
+"""LinuxCNC's backend against a stand-in that fails to order; test_linuxcnc.py runs it against the real one."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from linuxcncrsh_fake import NEVER_RAN, FakeLinuxCNC, fed
+from touching import Ticks
+
+from identify.model.cell import Cell
+from probe.controller import Contact, LinkLost, NoContact, Rebooted, Refused
+from probe.controllers.linuxcnc import LinuxCNC
+from probe.controllers.linuxcnc_mdi import AXES, motion_words
+from probe.controllers.linuxcncrsh import Shell
+
+RATE = np.radians(10.0)
+TARGET = np.radians([10.0, -5.0, 3.0, 20.0, 0.0, -2.0])
+joints = arrays(float, 6, elements=st.floats(-180, 180))
+
+
+@pytest.fixture
+def linuxcnc() -> FakeLinuxCNC:
+    return FakeLinuxCNC(Ticks())
+
+
+@pytest.fixture
+def controller(linuxcnc: FakeLinuxCNC, arc_welder: Cell) -> LinuxCNC:
+    made = LinuxCNC(linuxcnc, arc_welder.robot, linuxcnc.clock)
+    made.connect()
+    return made
+
+
+def degrees(q: np.ndarray) -> np.ndarray:
+    return np.degrees(q)
+
+
+# motions
+
+
+@given(joints, joints, arrays(float, 6, elements=st.floats(-5e-7, 5e-7)), st.floats(0.01, 100))
+def test_a_motion_lasts_as_long_as_asked_whichever_joints_move(start, target, unknown, seconds):
+    words = motion_words(start, target, seconds)
+
+    told = {word[0]: float(word[1:]) for word in words.split()}
+    really = start + unknown  # LinuxCNC tells six decimals
+    end = np.array([told.get(axis, really[i]) for i, axis in enumerate(AXES)])
+    assert not words or fed(really, end, told["F"]) == pytest.approx(seconds, rel=2e-3)
+    assert np.abs(end - target).max() < 2e-3
+
+
+@pytest.mark.parametrize("way", [1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1.0])
+def test_a_motion_that_hardly_moves_x_y_and_z_is_no_faster_for_it(way):
+    start, target = np.zeros(6), np.array([way, 0, 0, 30.0, 0, 0])
+
+    words = motion_words(start, target, 3.0)
+
+    told = {word[0]: float(word[1:]) for word in words.split()}
+    for off in (-5e-7, 5e-7):
+        really = np.array([off, 0, 0, 0, 0, 0])
+        end = np.array([told.get(axis, really[i]) for i, axis in enumerate(AXES)])
+        assert fed(really, end, told["F"]) == pytest.approx(3.0, rel=2e-3)
+
+
+def test_a_move_goes_where_it_is_sent_at_its_rate(linuxcnc, controller):
+    stood = controller.move(TARGET, RATE)
+
+    assert degrees(stood) == pytest.approx(degrees(TARGET), abs=1e-6)
+    assert linuxcnc.motions[-1][0] == "G1"
+    assert linuxcnc.motions[-1][3] == pytest.approx(2.0, rel=1e-6)  # 20 deg at 10 deg/s
+
+
+def test_a_contact_is_latched_where_it_happened_and_carries_the_number_of_its_search(linuxcnc, controller):
+    linuxcnc.contact_at = 0.4
+    number = controller.sequence
+
+    found = controller.search(TARGET, RATE)
+
+    assert isinstance(found, Contact)
+    assert degrees(found.q) == pytest.approx(0.4 * degrees(TARGET), abs=1e-6)
+    assert (found.sequence, found.boot) == (number, controller.state().boot)
+    assert controller.latch().sequence == number
+
+
+def test_a_search_that_meets_nothing_says_so_and_leaves_no_latch(controller):
+    found = controller.search(TARGET, RATE)
+
+    assert isinstance(found, NoContact)
+    assert degrees(found.q) == pytest.approx(degrees(TARGET), abs=1e-6)
+    assert controller.latch() is None
+
+
+def test_a_search_of_no_length_meets_nothing(linuxcnc, controller):
+    found = controller.search(np.zeros(6), RATE)
+
+    assert isinstance(found, NoContact)
+    assert not linuxcnc.motions
+
+
+# what goes wrong
+
+
+def test_a_search_that_never_ran_does_not_return_the_latch_of_the_one_before(linuxcnc, controller):
+    linuxcnc.contact_at = 0.4
+    controller.search(TARGET, RATE)
+    controller.move(np.zeros(6), RATE)
+    linuxcnc.fail = [NEVER_RAN]
+
+    with pytest.raises(Refused) as refused:
+        controller.search(TARGET, RATE)
+
+    assert refused.value.code == "LOST"
+    assert len([code for code, *_ in linuxcnc.motions if code == "G38.3"]) == 1
+
+
+def test_a_retract_that_never_ran_is_not_taken_for_done(linuxcnc, controller):
+    linuxcnc.contact_at = 0.4
+    controller.search(TARGET, RATE)
+    linuxcnc.fail = [NEVER_RAN]
+
+    with pytest.raises(Refused) as refused:
+        controller.move(np.zeros(6), RATE)
+
+    assert refused.value.code == "LOST"
+
+
+def test_a_refused_search_does_not_return_the_latch_of_the_one_before(linuxcnc, controller):
+    linuxcnc.contact_at = 0.4
+    controller.search(TARGET, RATE)
+    controller.move(np.zeros(6), RATE)
+    linuxcnc.fail = ["Probe move on line 0 would exceed Z's positive limit"]
+
+    with pytest.raises(Refused) as refused:
+        controller.search(TARGET, RATE)
+
+    assert refused.value.code == "LIMIT"
+    assert "would exceed Z's positive limit" in str(refused.value)
+    assert controller.latch() is None
+
+
+def test_a_search_that_somebody_aborts_is_no_miss(linuxcnc, controller):
+    def aborted() -> None:
+        linuxcnc.clock.sleep(0.5)
+        linuxcnc._stop()
+        linuxcnc.parameters["#5070"] = 0.0  # as the real one: and it says that no contact was made
+
+    linuxcnc.fail = [aborted]
+
+    with pytest.raises(Refused) as refused:
+        controller.search(TARGET, RATE)
+
+    assert refused.value.code == "STOPPED"
+
+
+def test_an_emergency_stop_during_a_search_is_told_as_one(linuxcnc, controller):
+    def pressed() -> None:
+        linuxcnc.clock.sleep(0.5)
+        linuxcnc._stop()
+        linuxcnc.estop, linuxcnc.machine = "ON", "OFF"
+
+    linuxcnc.fail = [pressed]
+
+    with pytest.raises(Refused) as refused:
+        controller.search(TARGET, RATE)
+
+    assert refused.value.code == "ESTOP"
+    assert linuxcnc.estop == "ON"  # and nobody resets it behind the operator's back
+
+
+def test_a_closed_input_is_seen_before_a_search_begins(linuxcnc, controller):
+    linuxcnc.closed = True
+
+    with pytest.raises(Refused) as refused:
+        controller.search(TARGET, RATE)
+
+    assert refused.value.code == "ALREADY"
+    assert not linuxcnc.motions
+
+
+def test_an_early_contact_ends_a_move(linuxcnc, controller):
+    linuxcnc.fail = [lambda: linuxcnc.trip(0.3)]
+
+    with pytest.raises(Refused) as refused:
+        controller.move(TARGET, RATE)
+
+    assert refused.value.code == "EARLY"
+    assert degrees(controller.state().q) == pytest.approx(0.3 * degrees(TARGET), abs=1e-6)
+
+
+def test_a_contact_that_chatters_does_not_end_a_retract(linuxcnc, controller):
+    linuxcnc.contact_at = 0.4
+    controller.search(TARGET, RATE)
+    linuxcnc.fail = [lambda: linuxcnc.trip(0.1), lambda: linuxcnc.trip(0.1)]
+
+    stood = controller.move(np.zeros(6), RATE)
+
+    assert np.abs(stood).max() < 1e-8
+
+
+def test_a_motion_that_does_not_go_on_is_stopped(linuxcnc, controller):
+    linuxcnc.fail = [linuxcnc.hold]
+    number = controller.sequence
+
+    with pytest.raises(Refused) as refused:
+        controller.move(TARGET, RATE)
+
+    assert refused.value.code == "NOTREACHED"
+    assert "set abort" in linuxcnc.requests
+    assert controller.sequence == number + 1  # it was begun, though not ended
+
+
+def test_a_keyboard_interrupt_in_a_search_leaves_a_controller_that_can_be_stopped_and_used(linuxcnc, controller):
+    begun = linuxcnc.clock.now()
+
+    def interrupt() -> None:
+        if linuxcnc.clock.now() > begun + 1.0:
+            linuxcnc.on_read = lambda: None
+            raise KeyboardInterrupt
+
+    linuxcnc.fail = [lambda: setattr(linuxcnc, "on_read", interrupt)]
+    with pytest.raises(KeyboardInterrupt):
+        controller.search(TARGET, RATE)
+
+    controller.stop()
+    state = controller.state()
+
+    assert not state.moving
+    assert 0 < np.abs(state.q).max() < np.abs(TARGET).max()
+    assert degrees(controller.move(np.zeros(6), RATE)) == pytest.approx(0, abs=1e-6)
+
+
+def test_an_answer_that_nobody_waited_for_is_not_taken_for_the_next(linuxcnc):
+    def interrupt() -> None:
+        linuxcnc.on_read = lambda: None
+        raise KeyboardInterrupt
+
+    shell = Shell(linuxcnc, linuxcnc.clock)
+    shell.greet()
+    linuxcnc.on_read = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        shell.numbers("joint_pos")
+    linuxcnc._rest = np.arange(6.0)
+
+    assert shell.numbers("joint_pos") == pytest.approx(np.arange(6.0))
+
+
+def test_a_request_that_was_cut_short_does_not_run_and_a_stop_after_it_does(linuxcnc, controller):
+    linuxcnc.write(b"set mdi G1 F100 X1")  # of X12.5
+
+    controller.stop()
+
+    assert not linuxcnc.motions
+    assert "set abort" in linuxcnc.requests
+
+
+# the line
+
+
+def test_a_search_whose_line_breaks_is_made_once_and_still_told(linuxcnc, controller):
+    linuxcnc.contact_at = 0.4
+    linuxcnc.cut = lambda request: "G38.3" in request
+
+    found = controller.search(TARGET, RATE)
+
+    assert isinstance(found, Contact)
+    assert degrees(found.q) == pytest.approx(0.4 * degrees(TARGET), abs=1e-6)
+    assert len(linuxcnc.motions) == 1
+
+
+def test_a_command_that_the_broken_line_swallowed_is_not_sent_again(linuxcnc, controller):
+    linuxcnc.fail = [NEVER_RAN]
+    linuxcnc.cut = lambda request: "G38.3" in request
+
+    with pytest.raises(Refused) as refused:
+        controller.search(TARGET, RATE)
+
+    assert refused.value.code == "LOST"
+    assert sum("G38.3" in request for request in linuxcnc.requests) == 1
+
+
+def test_another_program_finds_the_latch_and_the_number_of_the_one_that_died(linuxcnc, controller, arc_welder):
+    linuxcnc.contact_at = 0.4
+    found = controller.search(TARGET, RATE)
+    linuxcnc.reopen()
+
+    heir = LinuxCNC(linuxcnc, arc_welder.robot, linuxcnc.clock)
+    heir.connect()
+
+    assert (heir.latch().boot, heir.latch().sequence) == (found.boot, found.sequence)
+    assert heir.latch().q == pytest.approx(found.q)
+    assert heir.sequence == controller.sequence
+
+
+def test_a_restart_is_noticed_and_nothing_moves_after_it(linuxcnc, controller):
+    before = controller.state().boot
+    linuxcnc.restart()
+
+    with pytest.raises(Rebooted):
+        controller.move(TARGET, RATE)
+    with pytest.raises(Refused) as refused:
+        controller.move(TARGET, RATE)
+    linuxcnc.estop, linuxcnc.machine, linuxcnc.homed = "OFF", "ON", True
+    after = controller.state().boot
+
+    assert refused.value.code == "UNHOMED"
+    assert not linuxcnc.motions
+    assert after not in ("", before)
+
+
+def test_a_restart_is_noticed_though_the_machine_is_homed_again(linuxcnc, controller):
+    linuxcnc.restart()
+    linuxcnc.estop, linuxcnc.machine, linuxcnc.homed = "OFF", "ON", True
+
+    with pytest.raises(Rebooted):
+        controller.move(TARGET, RATE)
+
+    assert not linuxcnc.motions
+
+
+def test_a_restart_is_told_once_by_the_state_too(linuxcnc, controller):
+    linuxcnc.restart()
+
+    with pytest.raises(Rebooted):
+        controller.state()
+
+    assert (controller.state().homed, controller.state().boot) == (False, "")
+
+
+def test_a_line_that_stays_gone_is_given_up(linuxcnc, controller):
+    def gone() -> None:
+        raise LinkLost("gone")
+
+    linuxcnc.open, linuxcnc.reopen = False, gone
+
+    with pytest.raises(LinkLost):
+        controller.state()
+
+
+def test_messages_that_another_screen_takes_are_asked_for_again(linuxcnc, controller):
+    linuxcnc.contact_at, linuxcnc.stolen = 0.4, 3
+
+    assert isinstance(controller.search(TARGET, RATE), Contact)
+
+
+def test_a_screen_that_takes_every_message_is_named(linuxcnc, controller):
+    linuxcnc.stolen = 10**6
+
+    with pytest.raises(LinkLost, match="does another screen take its messages"):
+        controller.search(TARGET, RATE)
+
+
+def test_a_program_that_takes_control_is_named(linuxcnc, controller):
+    linuxcnc.enabled = False
+
+    with pytest.raises(Refused, match="another program has taken control"):
+        controller.move(TARGET, RATE)
+
+
+# the first greeting
+
+
+def connecting(linuxcnc: FakeLinuxCNC, cell: Cell, **options: bool) -> LinuxCNC:
+    controller = LinuxCNC(linuxcnc, cell.robot, linuxcnc.clock, **options)
+    controller.connect()
+    return controller
+
+
+def test_an_unhomed_machine_is_refused_and_nothing_moves(linuxcnc, arc_welder):
+    linuxcnc.homed = False
+
+    with pytest.raises(Refused, match=r"not homed.*joint 1, 2, 3, 4, 5, 6") as refused:
+        connecting(linuxcnc, arc_welder)
+
+    assert refused.value.code == "UNHOMED"
+    assert not any("home" in request.split()[1:2] for request in linuxcnc.requests if request.startswith("set"))
+    assert not linuxcnc.motions
+
+
+def test_a_machine_is_homed_where_that_is_asked_for(linuxcnc, arc_welder):
+    linuxcnc.homed, linuxcnc.estop, linuxcnc.machine, linuxcnc.mode = False, "ON", "OFF", "MANUAL"
+
+    connecting(linuxcnc, arc_welder, home=True)
+
+    assert linuxcnc.homed
+    assert linuxcnc.mode == "MDI"
+
+
+def test_a_running_program_is_left_alone(linuxcnc, arc_welder):
+    linuxcnc.running_program, linuxcnc.mode = True, "AUTO"
+
+    with pytest.raises(Refused, match="a program runs on it"):
+        connecting(linuxcnc, arc_welder)
+
+    assert "set abort" not in linuxcnc.requests
+
+
+def test_an_emergency_stop_that_cannot_be_reset_is_told(linuxcnc, arc_welder):
+    linuxcnc.estop = "ON"
+    linuxcnc._set, inner = (lambda name, value: name == "estop" or inner(name, value)), linuxcnc._set
+
+    with pytest.raises(Refused) as refused:
+        connecting(linuxcnc, arc_welder)
+
+    assert refused.value.code == "ESTOP"
+
+
+@pytest.mark.parametrize("offset", [[0, 0, 2.5, 0, 0, 0], [0, 0, 0, 0, 0, 90.0]])
+def test_a_work_offset_is_refused(linuxcnc, arc_welder, offset):
+    linuxcnc.offset = np.array(offset)
+
+    with pytest.raises(Refused, match=f"axis {'ZC'[offset[2] == 0]} is .* away from its joint"):
+        connecting(linuxcnc, arc_welder)
+
+
+def test_a_rotated_work_offset_is_refused(linuxcnc, arc_welder):
+    linuxcnc.parameters |= {"#5220": 2.0, "#5250": 30.0}
+
+    with pytest.raises(Refused, match=r"rotated by 30 deg.*G10 L2 P2 R0"):
+        connecting(linuxcnc, arc_welder)
+
+
+def test_another_robot_is_refused(linuxcnc, arc_welder):
+    linuxcnc.units = ["MM"] * 3
+
+    with pytest.raises(Refused, match="count in MM MM MM, expected DEG DEG DEG DEG DEG DEG"):
+        connecting(linuxcnc, arc_welder)
+
+
+def test_somebody_else_at_the_port_is_recognised(linuxcnc, arc_welder):
+    linuxcnc._hear = lambda line: linuxcnc._say("? NAK*1D0F")
+
+    with pytest.raises(LinkLost, match=r"something else than linuxcncrsh answers \('\? NAK\*1D0F'\)"):
+        connecting(linuxcnc, arc_welder)
+
+
+def test_silence_at_the_port_is_told(linuxcnc, arc_welder):
+    linuxcnc._hear = lambda line: None
+
+    with pytest.raises(LinkLost, match="nothing answers at socket://robot:5007; is linuxcncrsh running"):
+        connecting(linuxcnc, arc_welder)
+
+
+def test_a_wrong_password_is_told(linuxcnc, arc_welder):
+    linuxcnc._hear = lambda line: linuxcnc._say("HELLO NAK")
+
+    with pytest.raises(LinkLost, match="does not take the password 'EMC'"):
+        connecting(linuxcnc, arc_welder)
