@@ -20,7 +20,7 @@ from oed.reasons import reasons
 from oed.targets import Targets, spread, structured
 
 COUNT = 30_000
-ROUND = 16_000  # targets asked for at a time
+ROUND = (3_000, 16_000)  # targets asked for at a time, at the least and at the most
 STRUCTURED = 0.7  # of them; the others are spread evenly
 ROUNDS = 40  # at the most
 EXPLORED = 3_000  # contacts that show what can be reached, and how uncertain the tip is there
@@ -93,9 +93,10 @@ def candidates(
     search = _Search(
         cell, theta, np.diag(cell.prior**2) if covariance is None else covariance, share, margin, structured, rng
     )
+    size = int(np.clip(2 * count, *ROUND))
     found: list[Candidates] = []
     for _ in range(ROUNDS):
-        found.append(search.round())
+        found.append(search.round(size))
         if sum(map(len, found)) >= count or not len(found[0]):
             break
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in found]) for name in COLUMNS}
@@ -103,7 +104,7 @@ def candidates(
     unreached = reasons(search.judge, search.tally)
     if not len(all_found):
         raise InputError("no touch can be made. " + " ".join(unreached))
-    notes = (*unreached, *warnings(cell, search.judge.margins))
+    notes = (*unreached, *warnings(cell, search.judge.margins, all_found.number > 0))
     some = rng.choice(len(all_found), min(count, len(all_found)), replace=False)
     return replace(all_found.take(np.sort(some)), notes=notes)
 
@@ -114,6 +115,11 @@ def _require(cell: Cell) -> None:
     for name, pose in (("base", cell.base), ("tool", cell.tool)):
         if pose is None:
             raise InputError(f"{name}: fit leaves open where the {name} stands; write its pose to plan touches")
+    if cell.touch.travel <= cell.touch.approach:
+        raise InputError(
+            f"touch: a search of travel_mm: {cell.touch.travel:g} ends before the contact, which is approach_mm: "
+            f"{cell.touch.approach:g} away; write a longer travel_mm"
+        )
 
 
 class _Search:
@@ -143,10 +149,10 @@ class _Search:
         self.judge = Judge(cell, theta, kept, margin)
         self.tally = np.zeros((len(self.faces), len(Verdict)), dtype=int)
 
-    def round(self) -> Candidates:
-        """Touches that pass."""
-        many = int(self.structured * ROUND)
-        wanted = spread(self.cell, self.inset, ROUND - many, self.rng)
+    def round(self, size: int) -> Candidates:
+        """Touches that pass, of about `size` targets."""
+        many = int(self.structured * size)
+        wanted = spread(self.cell, self.inset, size - many, self.rng)
         if many:
             wanted = structured(self.cell, self.inset, many, self.rng).followed_by(wanted)
         found = self.branches.solve(_poses(self.cell, wanted))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
 
@@ -59,22 +59,31 @@ def _root(covariance: Float[np.ndarray, "parameters parameters"]) -> Float[np.nd
     return vector * np.sqrt(np.maximum(value, 0.0))
 
 
-def warnings(cell: Cell, found: Margins) -> tuple[str, ...]:
+def warnings(cell: Cell, found: Margins, touched: Bool[np.ndarray, " faces"]) -> tuple[str, ...]:
     """Sentences on faces that are too narrow, and on those that a robot as uncertain as this one may miss."""
     assert cell.jig is not None
-    faces = cell.jig.faces
-    narrow = [
+    faces, touch = cell.jig.faces, cell.touch
+    out = [
         f"face '{face.name}' is {face.size.min():.1f} mm wide, too narrow to stay {EDGE:g} mm from its edges."
         for face in faces
         if face.size.min() <= 2 * EDGE
     ]
-    wanted = SIGMAS * found.deviation[:, :2]
-    missed = np.flatnonzero((wanted > found.inset + 1e-9).any(axis=1))
-    if not len(missed):
-        return tuple(narrow)
-    return (
-        *narrow,
-        f"the tip may be up to {wanted[missed].max():.0f} mm off ({SIGMAS:g} sigma), but touches stay only "
-        f"{found.inset[missed].min():.0f} to {found.inset[missed].max():.0f} mm from the edges of "
-        f"{', '.join(faces[i].name for i in missed)}, or little of these faces would be left.",
-    )
+    wanted = SIGMAS * np.where(touched[:, None], found.deviation, 0.0)
+    if len(missed := np.flatnonzero((wanted[:, :2] > found.inset + 1e-9).any(axis=1))):
+        out.append(
+            f"the tip may be up to {wanted[missed, :2].max():.0f} mm off ({SIGMAS:g} sigma), but touches stay only "
+            f"{_span(found.inset[missed])} mm from the edges of {', '.join(faces[i].name for i in missed)}, or little "
+            "of these faces would be left."
+        )
+    if (deep := wanted[:, 2].max(initial=0.0)) > min(touch.approach, touch.travel - touch.approach):
+        out.append(
+            f"the tip may be up to {deep:.0f} mm too near to a face or too far from it ({SIGMAS:g} sigma); the search "
+            f"begins {touch.approach:g} mm before the planned contact and ends {touch.travel - touch.approach:g} mm "
+            "behind it: measure base_mm and tool_mm better, or enlarge approach_mm and travel_mm."
+        )
+    return tuple(out)
+
+
+def _span(values: Float[np.ndarray, "..."]) -> str:
+    low, high = f"{values.min():.0f}", f"{values.max():.0f}"
+    return low if low == high else f"{low} to {high}"

@@ -23,14 +23,16 @@ FAILURES = {
 def reasons(judge: Judge, tally: Int[np.ndarray, "faces verdicts"]) -> tuple[str, ...]:
     """A sentence for every face on which no touch was found; `tally` counts the verdicts on postures that reach it."""
     empty = np.flatnonzero(tally[:, Verdict.FINE] == 0)
-    return tuple(_collided(judge, i, tally[i]) if tally[i].any() else _unreached(judge, i) for i in empty.tolist())
+    leaning = tally[:, Verdict.TILT] == tally.sum(axis=1)  # or not reached at all
+    return tuple(_unreached(judge, i) if leaning[i] else _refused(judge, i, tally[i]) for i in empty.tolist())
 
 
-def _collided(judge: Judge, i: int, counts: Int[np.ndarray, " verdicts"]) -> str:
+def _refused(judge: Judge, i: int, counts: Int[np.ndarray, " verdicts"]) -> str:
     """The face is reached, but no touch of it can be made."""
     assert judge.cell.jig is not None
-    order = [v for v in sorted(Verdict, key=lambda v: -counts[v]) if counts[v]]
-    shares = ", ".join(f"{counts[v] / counts.sum():.0%} {FAILURES[v]}" for v in order)
+    order = sorted(Verdict, key=lambda v: -counts[v])
+    most = [v for v in order if counts[v] >= 0.01 * counts.sum()]
+    shares = ", ".join(f"{counts[v] / counts.sum():.0%} {FAILURES[v]}" for v in most)
     face = judge.cell.jig.faces[i]
     narrow = f"; it is only {face.size.min():.0f} mm wide" if face.size.min() < 4 * EDGE else ""
     return f"face '{face.name}' cannot be touched: of {counts.sum()} postures that reach it, {shares}{narrow}."
