@@ -27,11 +27,14 @@ def torch(cell: Cell) -> tuple[Capsule, ...]:
         return own
     last_T_tip = robot.last_T_flange @ transform(cell.tool)
     tip, wire, flange = last_T_tip[:3, 3], last_T_tip[:3, 2], robot.last_T_flange[:3, 3]
-    neck = tip - min(NECK, 0.5 * float(np.linalg.norm(tip - flange))) * wire
+    reach = float(np.linalg.norm(tip - flange))
+    if reach < 2 * (STICKOUT + NOZZLE):  # a pin, no torch
+        return ()
+    neck = tip - min(NECK, 0.5 * reach) * wire
+    nozzle = _capsule(last, tip - (STICKOUT + ROUND * NOZZLE) * wire, neck, NOZZLE)
     body = neck - flange
     length = float(np.linalg.norm(body))
-    nozzle = _capsule(last, tip - (STICKOUT + ROUND * NOZZLE) * wire, neck, NOZZLE)
-    if length < FLANGE + BODY:  # a bare pointer: nothing bulky between flange and neck
+    if length < FLANGE + BODY:  # nothing bulky between flange and neck
         return (nozzle,)
     return nozzle, _capsule(last, flange + FLANGE / length * body, neck, BODY)
 
