@@ -3,8 +3,12 @@
 from importlib import import_module
 from typing import Any
 
-_FRONT = {"calibrate": "identify.calibration", "verify": "identify.verification"}
-__all__ = ["calibrate", "verify"]
+_FRONT = {
+    "calibrate": "identify.calibration",
+    "compensate": "identify.compensation",
+    "verify": "identify.verification",
+}
+__all__ = ["calibrate", "compensate", "verify"]
 
 
 def __getattr__(name: str) -> Any:

@@ -51,13 +51,28 @@ def read_text(path: Path) -> str:
         raise InputError([Mistake(str(path), 0, f"cannot be read: {error.strerror}")]) from None
 
 
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a file, or one sentence why there are none."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError([Mistake(str(path), 0, "no such file; check the name and the folder")]) from None
+    except OSError as error:
+        raise InputError([Mistake(str(path), 0, f"cannot be read: {error.strerror}")]) from None
+
+
 def write_text(path: Path, text: str) -> None:
+    """Write a file in UTF-8, whole or not at all."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole or not at all: to a temporary neighbour, synced, then renamed."""
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-                file.write(text)
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
             Path(temporary).chmod(0o666 & ~_umask())
