@@ -9,9 +9,10 @@ from virtual_support import make_plan
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from probe.virtual.batch import search_end, touch_batch
-from probe.virtual.contact import Paths, first_contact, surfaces, touching
+from probe.virtual.contact import Paths, first_contact, touching
 from probe.virtual.motion import straight
 from probe.virtual.robot import VirtualRobot
+from probe.virtual.surfaces import surfaces
 from probe.virtual.truth import Truth, with_effects
 
 FAST, SLOW = np.radians(60), np.radians(0.6)
@@ -42,9 +43,9 @@ def test_the_first_contact_is_the_one_that_a_march_in_small_steps_finds(arc_weld
     end = start + 2.4 * (plan.q - plan.approach) + rng.normal(0, 0.08, plan.q.shape)
     paths, none = Paths(start, end, arc_welder.theta), np.zeros(count)
 
-    fraction, met = first_contact(arc_welder.kinematics, surface, paths, none, 12)
+    fraction, met, early = first_contact(arc_welder.kinematics, surface, paths, none, 12)
 
-    early, compared = touching(arc_welder.kinematics, surface, paths, none, none), 0
+    compared = 0
     for i in np.flatnonzero(~early):
         march = Paths(*(np.repeat(a[i : i + 1], steps, axis=0) for a in (start, end)), arc_welder.theta)
         closed = touching(arc_welder.kinematics, surface, march, np.linspace(0, 1, steps), np.zeros(steps))

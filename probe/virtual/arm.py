@@ -8,8 +8,9 @@ from jaxtyping import Float
 from identify.model.cell import Cell
 from identify.model.kinematics import Kinematics
 from probe.virtual.batch import joint_spread
-from probe.virtual.contact import INTERVAL, Paths, first_contact, surfaces, touching
+from probe.virtual.contact import INTERVAL, Paths, first_contact, touching
 from probe.virtual.motion import Profile
+from probe.virtual.surfaces import surfaces
 from probe.virtual.truth import Truth
 
 NEVER = float("inf")
@@ -85,7 +86,7 @@ class Arm:
             return Trip(paths, self.off, NEVER, "", opening)
         rest = replace(paths, start=paths.start + begin * (paths.end - paths.start))
         count = int(np.clip(np.ceil((1 - begin) * self._length(start, end) / INTERVAL), 1, MOST))
-        fraction, met = first_contact(self.kinematics, self.surface, rest, np.array([self.shift]), count)
+        fraction, met, _ = first_contact(self.kinematics, self.surface, rest, np.array([self.shift]), count)
         name = self.surface.names[met[0]] if fraction[0] <= 1 else ""
         closing = begin + (1 - begin) * float(fraction[0]) if name else NEVER
         return Trip(paths, self.off, closing, name, opening)

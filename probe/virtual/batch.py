@@ -5,7 +5,8 @@ from jaxtyping import Bool, Float
 
 from identify.model.cell import Cell
 from identify.model.touch import HIT, Plan, Touches
-from probe.virtual.contact import INTERVAL, NO_FACE, Paths, first_contact, surfaces, touching
+from probe.virtual.contact import INTERVAL, NO_FACE, Paths, first_contact
+from probe.virtual.surfaces import surfaces
 from probe.virtual.truth import Truth
 
 
@@ -43,8 +44,7 @@ def touch_batch(
     shift = sigma * rng.standard_normal(count)
     paths = _true_paths(cell, truth, plan.approach, end, rng)
     intervals = int(np.ceil(1.25 * cell.touch.travel / INTERVAL))
-    fraction, met = first_contact(cell.kinematics, surface, paths, shift, intervals)
-    early = touching(cell.kinematics, surface, paths, np.zeros(count), shift)
+    fraction, met, early = first_contact(cell.kinematics, surface, paths, shift, intervals)
     latch = np.where(early, 0.0, fraction)
     if timing:
         latch = np.where(early, 0.0, _late(cell, truth, paths, fraction, rng))

@@ -1,117 +1,23 @@
 """Where a wire first meets the jig on its way: any face of it, or any side of its solid boxes.
 
-A contact is the entry of the wire's end into the thin slab under a face. The point that matters is the point of the
-wire's end that lies deepest along the normal: the end of a point, the pole of a ball, a point of the rim of a flat end
-(`h = radius sqrt(1 - (n.a)^2)` before the tip, DESIGN section 3). Paths are cut in intervals of a few millimetres, in
-which distances are straight lines to within micrometres; these are clipped against all slabs at once, and the contact
-that comes first is then solved for to the last digit.
+A contact is the entry of the wire's end into the thin slab under a face. Paths are cut in intervals of a few
+millimetres, in which distances are straight lines to within micrometres; these are clipped against all slabs at once,
+and the contact that comes first is then solved for to the last digit.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from identify.model.cell import Wire
-from identify.model.jig import Face, Jig
 from identify.model.kinematics import Kinematics
+from probe.virtual.surfaces import Surfaces
 
 INTERVAL = 8.0  # [mm] between samples; a path of 0.5 m radius bends by 16 micrometres in it
-SHALLOW = 0.5  # [mm], least depth of the slab under a face
-DEEP = 10.0  # [mm], how far below a face still is the inside of a jig that has no boxes
 EDGE = 0.01  # [mm], an entry through the side of a slab counts that much later: the face proper owns a tie
-EXACT = 1e-7  # [mm]
+EXACT = 1e-6  # [mm]
 NO_FACE = -1
-
-
-@dataclass(frozen=True, eq=False)
-class Surfaces:
-    """Rectangles that conduct: the faces of a jig, then those sides of its boxes that are no faces."""
-
-    names: tuple[str, ...]
-    origin: Float[np.ndarray, "surfaces 3"]  # [mm]
-    u: Float[np.ndarray, "surfaces 3"]  # unit vectors
-    v: Float[np.ndarray, "surfaces 3"]
-    normal: Float[np.ndarray, "surfaces 3"]
-    size: Float[np.ndarray, "surfaces 2"]  # [mm]
-    boxes: Float[np.ndarray, "boxes 2 3"]  # [mm], lower and upper corners
-    flat: float  # [mm], radius of a flat wire end
-    ball: float  # [mm], radius of a ball
-
-    @cached_property
-    def offset(self) -> Float[np.ndarray, " surfaces"]:
-        """Distances of the planes from the origin of the jig frame [mm]."""
-        return np.einsum("ij,ij->i", self.normal, self.origin)
-
-    @property
-    def depth(self) -> float:
-        """Thickness of the slabs [mm]: the width of the wire, beyond which another face must own the contact."""
-        return max(2 * self.flat, 2 * self.ball, SHALLOW)
-
-    def gap(
-        self, position: Float[np.ndarray, "*rows 3"], axis: Float[np.ndarray, "*rows 3"]
-    ) -> Float[np.ndarray, "*rows surfaces"]:
-        """Distances n . tip - c - h of a wire from all planes [mm]."""
-        distance = position @ self.normal.T - (self.offset + self.ball)
-        return distance - self.flat * np.sqrt(np.maximum(1 - (axis @ self.normal.T) ** 2, 0)) if self.flat else distance
-
-    def place(
-        self,
-        surface: Int[np.ndarray, " rows"],
-        position: Float[np.ndarray, "rows 3"],
-        axis: Float[np.ndarray, "rows 3"],
-    ) -> Float[np.ndarray, "rows 2"]:
-        """Where on its rectangle, along u and v [mm], the deepest point of the wire's end lies."""
-        n, u, v = self.normal[surface], self.u[surface], self.v[surface]
-        along = np.einsum("ij,ij->i", n, axis)
-        rim = self.flat * along / np.sqrt(np.maximum(1 - along**2, 1e-24))
-        from_origin = position - self.origin[surface] + rim[:, None] * axis
-        return np.stack([np.einsum("ij,ij->i", from_origin, u), np.einsum("ij,ij->i", from_origin, v)], axis=1)
-
-    def inside(self, position: Float[np.ndarray, "rows 3"]) -> Bool[np.ndarray, " rows"]:
-        """Whether a tip lies in a solid box."""
-        p = position[:, None]
-        within = np.all((p > self.boxes[:, 0]) & (p < self.boxes[:, 1]), axis=2)
-        return np.asarray(np.any(within, axis=1))
-
-
-def surfaces(jig: Jig, wire: Wire, proud: Mapping[str, float] | None = None) -> Surfaces:
-    """What a wire can touch on a jig whose faces stand `proud` of their drawing [mm]."""
-    drawn = _drawn(jig, wire)
-    if not proud:
-        return drawn
-    shift = np.array([proud.get(name, 0.0) for name in drawn.names])
-    return replace(drawn, origin=drawn.origin + shift[:, None] * drawn.normal)
-
-
-@lru_cache(maxsize=8)
-def _drawn(jig: Jig, wire: Wire) -> Surfaces:
-    faces = [*jig.faces, *_sides(jig)]
-    u, v, normal = (np.array([getattr(face, key) for face in faces]) for key in ("u", "v", "normal"))
-    size = np.array([face.size for face in faces])
-    return Surfaces(
-        names=tuple(face.name for face in faces), origin=np.array([face.origin for face in faces]),
-        u=u / size[:, :1], v=v / size[:, 1:], normal=normal, size=size,
-        boxes=np.array([(box.lower, box.upper) for box in jig.boxes], dtype=float).reshape(-1, 2, 3),
-        flat=wire.radius if wire.shape == "flat" else 0.0, ball=wire.radius if wire.shape == "ball" else 0.0,
-    )  # fmt: skip
-
-
-def _sides(jig: Jig) -> list[Face]:
-    """Sides of the boxes that lie in the plane of no face, the table around the jig for instance."""
-    planes = {(*face.normal.round(6), round(face.offset, 3)) for face in jig.faces}
-    found = []
-    for i, box in enumerate(jig.boxes):
-        lower, edges = np.array(box.lower, dtype=float), np.diag(np.subtract(box.upper, box.lower))
-        for axis in range(3):
-            u, v = edges[(axis + 1) % 3], edges[(axis + 2) % 3]
-            for origin, a, b in ((lower, v, u), (lower + edges[axis], u, v)):
-                side = Face(f"box {i + 1}", origin, a, b)
-                if (*side.normal.round(6), round(side.offset, 3)) not in planes:
-                    found.append(side)
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,26 +59,22 @@ def touching(
 ) -> Bool[np.ndarray, " paths"]:  # fmt: skip
     """Whether the wire touches at a fraction of each path, the contact coming `shift` [mm] before a face."""
     position, axis = paths.tips(kinematics, np.arange(len(fraction)), fraction)
-    gap = surface.gap(position, axis) - shift[:, None]
-    depth = surface.depth if len(surface.boxes) else max(DEEP, surface.depth)
-    row, face = np.nonzero((gap <= 0) & (gap >= -depth))
-    place = surface.place(face, position[row], axis[row])
-    closed = surface.inside(position)
-    closed[row[((place >= 0) & (place <= surface.size[face])).all(axis=1)]] = True
-    return closed
+    return surface.closed(position, axis, surface.gap(position, axis) - shift[:, None])
 
 
 def first_contact(
     kinematics: Kinematics, surface: Surfaces, paths: Paths, shift: Float[np.ndarray, " paths"], intervals: int
-) -> tuple[Float[np.ndarray, " paths"], Int[np.ndarray, " paths"]]:
-    """Fraction of each path at which the wire first touches (1 or more: never) and the surface that it meets.
+) -> tuple[Float[np.ndarray, " paths"], Int[np.ndarray, " paths"], Bool[np.ndarray, " paths"]]:
+    """Fraction of each path at which the wire first touches (1 or more: never), the surface, and who touches at 0.
 
-    A path that begins in a slab has fraction 0. `shift` [mm] is how far before a face the contact closes.
+    `shift` [mm] is how far before a face the contact closes.
     """
     count, samples = len(paths.start), intervals + 1
     row = np.repeat(np.arange(count), samples)
     position, axis = paths.tips(kinematics, row, np.tile(np.linspace(0, 1, samples), count))
     gap = surface.gap(position, axis) - np.repeat(shift, samples)[:, None]
+    begins = slice(None, None, samples)
+    closed = surface.closed(position[begins], axis[begins], gap[begins])
     begin, face, enter, through = _entries(surface, position, axis, gap, samples)
     fraction = (begin % samples + enter) / intervals
     length = np.linalg.norm(position[begin + 1] - position[begin], axis=1)
@@ -190,7 +92,7 @@ def first_contact(
 
     low = start % samples / intervals
     out[path] = _root(gap_at, low, low + 1 / intervals, gap[start, face], gap[start + 1, face])
-    return out, met
+    return out, met, closed
 
 
 def _entries(
@@ -226,14 +128,22 @@ def _clip(
 def _root(
     f: Callable[[np.ndarray], np.ndarray], a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray
 ) -> Float[np.ndarray, " rows"]:
-    """Roots between a and b, by regula falsi with the Illinois rule; nearly straight lines need two or three steps."""
-    x = b
-    for _ in range(12 if len(b) else 0):
-        x = np.where(fa == fb, b, (a * fb - b * fa) / np.where(fa == fb, 1.0, fb - fa))
+    """Roots between a and b: a straight line, then inverse parabolas (Brent 1973), or halves where these leave the way.
+
+    Nearly straight lines need two evaluations.
+    """
+    if not len(b):
+        return b
+    x = (a * fb - b * fa) / (fb - fa)
+    for _ in range(40):
         fx = f(x)
-        if np.abs(fx).max() < EXACT:
+        done = np.abs(fx) < EXACT
+        if done.all():
             break
-        same = fx * fb > 0
-        a, fa = np.where(same, a, b), np.where(same, 0.5 * fa, fb)
-        b, fb = x, fx
+        with np.errstate(divide="ignore", invalid="ignore"):
+            parabola = a * fb * fx / ((fa - fb) * (fa - fx)) + b * fa * fx / ((fb - fa) * (fb - fx))
+            parabola += x * fa * fb / ((fx - fa) * (fx - fb))
+        a, fa = np.where(fx > 0, x, a), np.where(fx > 0, fx, fa)
+        b, fb = np.where(fx > 0, b, x), np.where(fx > 0, fb, fx)
+        x = np.where(done, x, np.where((parabola > a) & (parabola < b), parabola, (a + b) / 2))
     return x
