@@ -1,0 +1,183 @@
+"""The report as a reader gets it: self-contained, harmless, readable on a telephone and on a desk."""
+
+import json
+import os
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured import poses_over_jig, positions_at, table_2, touches_at
+
+from identify.calibration import calibrate
+from identify.model.cell import Cell
+from identify.model.jig import Jig
+from identify.report.report import report
+from identify.report.svg import axis, colour
+from identify.report.zone import zone_map
+from identify.verification import verify
+
+HOSTILE = "<script>document.title='owned'</script><!--"
+
+
+@pytest.fixture(scope="module")
+def measured(arc_welder):
+    rng = np.random.default_rng(8)
+    return touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 80, rng), rng)
+
+
+@pytest.fixture(scope="module")
+def calibration(arc_welder, measured):
+    return calibrate(arc_welder, measured)
+
+
+@pytest.fixture(scope="module")
+def html(calibration, measured, arc_welder):
+    rng = np.random.default_rng(9)
+    unseen = positions_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 50, rng), rng)
+    return report(calibration, [measured], verify(calibration, unseen))
+
+
+def test_the_page_is_one_file_below_a_megabyte_that_fetches_nothing(html):
+    assert len(html.encode()) < 1_000_000
+    own = re.sub(r"<script>.*?</script>", "", html, flags=re.S)
+    assert not re.search(r"""(src|href)\s*=|url\(|@import""", own)
+    assert "default-src 'none'" in html
+
+
+def test_every_chart_has_titles_and_units(html):
+    figures = re.findall(r"<figure.*?</figure>", html, flags=re.S)
+
+    assert len(figures) == 8  # three slices and their scale, residuals twice, singular values, correlations
+    assert all("<figcaption>" in f and "aria-label" in f for f in figures)
+    assert "residual, mm" in html
+    assert "expected tip error (RMS), mm" in html
+
+
+def test_hostile_names_appear_only_escaped(calibration, measured, arc_welder):
+    robot = replace(arc_welder.robot, name=HOSTILE)
+    cell = Cell(robot, Jig(HOSTILE, arc_welder.jig.faces), arc_welder.base, arc_welder.tool, zone=arc_welder.zone)
+    names = tuple(HOSTILE + name for name in measured.ids)
+    touches = replace(measured, ids=names, face=(HOSTILE,) * len(names))
+    residuals = dict(zip(names, calibration.residuals.values(), strict=True))
+
+    page = report(replace(calibration, cell=cell, residuals=residuals, outliers={names[0]: 5.0}), [touches])
+
+    assert HOSTILE not in page
+    assert "document.title='owned'</script>" not in page
+
+
+def test_the_scene_holds_the_touches_where_the_true_kinematics_puts_them(html, arc_welder, measured):
+    data = json.loads(re.search(r'id="scene">(.*?)</script>', html, flags=re.S).group(1))
+
+    assert [t["id"] for t in data["touches"]] == list(measured.ids)
+    tip = arc_welder.kinematics.tip(measured.q, arc_welder.theta)[0]
+    np.testing.assert_allclose([t["nominal"][-1] for t in data["touches"]], tip, atol=0.051)
+
+
+def test_the_map_of_the_zone_is_the_covariance_carried_to_the_tip(calibration):
+    zone = zone_map(calibration)
+
+    assert 0.01 < np.nanmedian(zone.error) < 0.2
+    assert np.isnan(zone.error).mean() < 0.3
+    doubled = zone_map(replace(calibration, covariance=4 * calibration.covariance))
+    np.testing.assert_allclose(doubled.error, 2 * zone.error, rtol=1e-9)
+
+
+@pytest.mark.parametrize("values", [[0.0], [], [1e-9, 2e-9], [-3.2, 17.0], [np.nan, 1.0], [5.0, 5.0]])
+def test_an_axis_covers_its_values_with_a_few_round_ticks(values):
+    found = axis("x", values)
+
+    known = [v for v in values if np.isfinite(v)]
+    assert all(found.lower <= v <= found.upper for v in known)
+    assert 2 <= len(found.ticks) <= 10
+    assert found.lower < found.upper
+
+
+def test_colours_run_from_dark_to_light_and_grey_is_nothing():
+    shades = colour(np.array([0.0, 1.0, np.nan]))
+
+    assert shades == ["rgb(68,1,84)", "rgb(253,231,37)", "#ddd"]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    chromium, driver = shutil.which("chromium"), shutil.which("chromedriver")
+    if not (chromium and driver):
+        assert not os.environ.get("CI"), "chromium and chromedriver must be installed in CI"
+        pytest.skip("chromium or chromedriver is not installed")
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    quiet = [
+        "disable-quic",
+        "no-first-run",
+        "disable-background-networking",
+        "disable-component-update",
+        "disable-sync",
+    ]
+    for flag in ["headless", "no-sandbox", "use-angle=swiftshader", "enable-unsafe-swiftshader", *quiet]:
+        options.add_argument(f"--{flag}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    yield window
+    window.quit()
+
+
+def opened(browser, text, folder, width):
+    path = folder / "report.html"
+    path.write_text(text)
+    browser.set_window_size(width, 900)
+    browser.get_log("browser")
+    browser.get(path.as_uri())
+    return [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
+
+
+def canvas_colours(browser):
+    """How many different colours the 3-D view shows."""
+    return browser.execute_script(
+        "const c = document.querySelector('#view canvas'), d = document.createElement('canvas');"
+        "d.width = 200; d.height = 150; const x = d.getContext('2d'); x.drawImage(c, 0, 0, 200, 150);"
+        "const p = x.getImageData(0, 0, 200, 150).data, s = new Set();"
+        "for (let i = 0; i < p.length; i += 4) s.add(p[i] << 16 | p[i + 1] << 8 | p[i + 2]); return s.size;"
+    )
+
+
+@pytest.mark.parametrize("width", [360, 1400])
+def test_the_page_opens_without_errors_and_fits_the_window(width, browser, html, tmp_path):
+    errors = opened(browser, html, tmp_path, width)
+
+    assert [e for e in errors if "WebGL" not in e["message"] and "GPU" not in e["message"]] == []
+    wide = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
+    assert wide[0] <= wide[1] + 1
+    assert canvas_colours(browser) > 20
+
+
+def test_the_view_steps_and_orbits(browser, html, tmp_path):
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    opened(browser, html, tmp_path, 1400)
+    view = browser.find_element(By.ID, "view")
+    first, before = browser.find_element(By.ID, "said").text, view.get_attribute("data-camera")
+
+    browser.find_element(By.ID, "next").click()
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", view)
+    ActionChains(browser).move_to_element(view).click_and_hold().move_by_offset(120, 40).release().perform()
+
+    assert view.get_attribute("data-step") == "1"
+    assert browser.find_element(By.ID, "said").text != first
+    assert view.get_attribute("data-camera") != before
+
+
+def test_a_hostile_cell_is_harmless_in_the_browser(browser, calibration, measured, arc_welder, tmp_path):
+    robot = replace(arc_welder.robot, name=HOSTILE)
+    cell = Cell(robot, arc_welder.jig, arc_welder.base, arc_welder.tool, zone=arc_welder.zone)
+    touches = replace(measured, face=(HOSTILE,) * len(measured))
+
+    opened(browser, report(replace(calibration, cell=cell), [touches]), tmp_path, 1400)
+
+    assert browser.title != "owned"
+    assert HOSTILE in browser.execute_script("return document.body.innerText")
