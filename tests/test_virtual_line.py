@@ -1,5 +1,7 @@
 """The virtual controller's TOUCH/1, byte by byte: what it answers, what it executes, and what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -8,9 +10,11 @@ from raw_host import angles, crc, field, joints, line
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
+from identify.model.description import library, read_robot
 from identify.model.touch import Plan
 from probe.virtual.batch import search_end
 from probe.virtual.line import LineController
+from probe.virtual.records import Outcome
 from probe.virtual.robot import VirtualRobot
 from probe.virtual.truth import Truth, with_effects
 
@@ -318,8 +322,22 @@ def test_any_bytes_leave_the_controller_answering_and_the_robot_where_it_was(des
     assert np.array_equal(desk.robot.q, before)
 
 
-def test_no_line_of_the_controller_is_longer_than_200_bytes(desk):
-    answer = desk.do(f"1 SEARCH {joints(desk.end)} 0.6")
+@pytest.mark.parametrize("name", library("robots"))
+def test_every_robot_of_the_library_moves_at_its_rate_and_no_line_is_too_long(name, arc_welder):
+    robot = read_robot(library("robots")[name])
+    cell = replace(arc_welder, robot=robot)
+    low = np.trunc(0.9 * robot.lower / robot.joint_unit())  # many digits and minus signs
+    virtual = VirtualRobot(cell, Truth(cell.theta), np.random.default_rng(1), start=low * robot.joint_unit())
+    controller = LineController(virtual, np.random.default_rng(2), deadman=1e9)
+    controller.last, controller.greeted = 65533, True
+    target = ",".join(f"{value:.6f}" for value in low + 1.123456)
 
-    longest = answer.replace("seq=1 ", "seq=65535 ") + "*0000\n"
-    assert len(longest) + len("65535") - 1 + 6 <= 200  # and six more minus signs or digits
+    controller.feed(line(f"65534 MOVE {target} 2"), 0.0)
+    (moved,) = controller.advance(100.0)
+    contact = controller._line(f"65535 {controller._ended(Outcome('CONTACT', virtual.q, virtual.q))}")
+
+    assert moved.startswith(b"65534 OK q=")
+    assert virtual.executed[0].ended == pytest.approx(1.123456 / 2, rel=0.2)  # the ramps take the rest
+    assert len(moved) <= 200
+    assert len(contact) <= 200
+    assert field(contact.decode(), "q").count(".") == len(robot.joints)

@@ -2,6 +2,7 @@
 
 import argparse
 import signal
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -44,17 +45,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         asked = _parser().parse_args(arguments)
         cell = read_cell(asked.cell)
         truth = choose_truth(cell, asked.truth, asked.seed)
-        unit = cell.robot.joint_unit()
-        start = None if asked.start is None else np.array([float(v) for v in asked.start.split(",")]) * unit
+        start = None if asked.start is None else _joints(asked.start, cell)
         run(
             cell, truth, lambda url: print(url, flush=True), protocol=asked.protocol, port=asked.port,
             faults=asked.fault, seed=asked.seed, speed=asked.speed, start=start, baud=asked.baud,
             deadman=asked.deadman, log=asked.log, axis_unit_deg=asked.axis_unit_deg,
         )  # fmt: skip
-    except (InputError, ValueError) as error:
-        print(error)
+    except (ValueError, OSError) as error:  # InputError among them
+        print(error, file=sys.stderr)
         return 2
     return 0
+
+
+def _joints(text: str, cell: Cell) -> np.ndarray:
+    values, unit = text.split(","), cell.robot.joint_unit()
+    if len(values) != len(unit):
+        raise InputError(f"--start has {len(values)} joints, expected {len(unit)} between commas")
+    return np.array([float(value) for value in values]) * unit
 
 
 def _parser() -> argparse.ArgumentParser:

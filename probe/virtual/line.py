@@ -101,8 +101,12 @@ class LineController:
 
     def _ended(self, outcome: Outcome) -> str:
         if outcome.kind == CONTACT:
-            where = f"q={self._joints(outcome.q)} stop={self._joints(outcome.stop)}"
-            return f"CONTACT boot={self.boot} seq={self.last} {where}"
+            for decimals in (6, 5, 3, 1):  # of a robot with many joints, the place of rest is told less exactly
+                where = f"q={self._joints(outcome.q)} stop={self._joints(outcome.stop, decimals)}"
+                text = f"CONTACT boot={self.boot} seq={self.last} {where}"
+                if len(self._line(f"{self.last} {text}")) <= LONGEST:
+                    break
+            return text
         if outcome.kind in (OK, NOCONTACT):
             return f"{outcome.kind} q={self._joints(outcome.q)}"
         return f"ERR {outcome.kind} {outcome.text}".rstrip()
@@ -110,8 +114,8 @@ class LineController:
     def _line(self, text: str) -> bytes:
         return f"{text}*{crc(text)}\n".encode("ascii")
 
-    def _joints(self, q: np.ndarray) -> str:
-        decimals = 6 if len(q) <= 6 else 5  # two sets of joints fit into one line
+    def _joints(self, q: np.ndarray, decimals: int = 6) -> str:
+        decimals = min(decimals, 6 if len(q) <= 6 else 5)  # two sets of joints fit into one line
         return ",".join(f"{value:.{decimals}f}" for value in q / self.robot.cell.robot.joint_unit())
 
     def _read(self, raw: bytes) -> list[bytes]:

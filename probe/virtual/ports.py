@@ -10,6 +10,8 @@ import tty
 from pathlib import Path
 from typing import Protocol
 
+from identify.model.files import InputError
+
 BLOCK = 4096  # bytes read at once
 
 
@@ -166,10 +168,13 @@ def _leaving(host: socket.socket) -> bool:
 
 
 def open_port(kind: str) -> Port:
-    """`pty`, `socket`, or `socket:PORT`."""
+    """`pty`, `socket`, or `socket:PORT`; raises InputError where that is none, or taken."""
     if kind == "pty":
         return PtyPort()
     name, _, number = kind.partition(":")
-    if name == "socket" and (not number or number.isdecimal()):
+    if name != "socket" or (number and not number.isdecimal()):
+        raise InputError(f"port '{kind}' is unknown; choose pty, socket or socket:PORT")
+    try:
         return SocketPort(int(number or 0))
-    raise ValueError(f"port '{kind}' is unknown; choose pty, socket or socket:PORT")
+    except (OSError, OverflowError) as error:
+        raise InputError(f"port '{kind}' cannot be had: {error}; choose another number, or socket alone") from None

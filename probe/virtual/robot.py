@@ -53,6 +53,8 @@ class VirtualRobot:
     def __post_init__(self) -> None:
         robot = self.cell.robot
         at = np.zeros(len(robot.joints)) if self.start is None else np.asarray(self.start, dtype=float)
+        if at.shape != (len(robot.joints),) or not np.isfinite(at).all():
+            raise ValueError(f"the robot stands at {at.tolist()}, expected {len(robot.joints)} finite joint values")
         self._q = np.clip(at, robot.lower, robot.upper)
         self._zero = np.zeros_like(self._q)  # what the encoders read in the true zero position
         self._motion: _Motion | None = None
