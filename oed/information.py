@@ -10,7 +10,7 @@ from jaxtyping import Float
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.identifiability import structure
+from identify.model.identifiability import Identifiability, structure
 from identify.model.measurement import MeasurementModel, Rows
 
 
@@ -24,7 +24,10 @@ class Knowledge:
     cell: Cell
     theta: Float[np.ndarray, " parameters"]  # [mm, rad], where rows are taken
     names: tuple[str, ...]  # of the kept parameters
-    precision: Float[np.ndarray, "kept kept"]  # information before the first planned touch, in the whitened basis
+    precision: Float[
+        np.ndarray, "kept kept"
+    ]  # what the estimator assumes before the first touch, in the whitened basis
+    spread: Float[np.ndarray, "kept kept"]  # covariance of what the kept parameters have to explain, whitened
 
     @cached_property
     def kept(self) -> list[int]:
@@ -63,8 +66,22 @@ class Knowledge:
         return J[:, :, self.kept] * self.scale
 
     def covariance(self, rows: Float[np.ndarray, "touches kept"]) -> Float[np.ndarray, "kept kept"]:
-        """Covariance of the whitened parameters after touches, by the estimator's own weights (MAP)."""
+        """Covariance of the whitened parameters after touches, as the estimator (MAP) sees it."""
         return np.linalg.inv(self.precision + rows.T @ rows)
+
+    def error(self, rows: Float[np.ndarray, "touches kept"], faces: Sequence[str]) -> Float[np.ndarray, "kept kept"]:
+        """Covariance of the estimator's error after touches on named faces.
+
+        The estimator takes every touch for independent and the eliminated parameters for nominal. But all touches on a
+        face share what the face is off by, and what eliminated parameters are off by falls to those that carry them.
+        """
+        C = self.covariance(rows)
+        tolerance, sigma = face_tolerance(self.cell, faces), touch_sigma(self.cell, faces)
+        own = rows * (self.cell.touch.sigma / sigma)[:, None]
+        shared = np.zeros((len(set(faces)), len(C)))
+        np.add.at(shared, np.unique(faces, return_inverse=True)[1], rows * (tolerance / sigma)[:, None])
+        noise = own.T @ own + shared.T @ shared
+        return C @ (noise + self.precision @ self.spread @ self.precision) @ C
 
 
 def nominal_knowledge(cell: Cell) -> Knowledge:
@@ -75,9 +92,21 @@ def nominal_knowledge(cell: Cell) -> Knowledge:
                 f"{name}: fit leaves open where the {name} stands, and touches cannot be planned for a robot that may "
                 "be anywhere; write its nominal pose in cell.yaml, or give an earlier calibration with --after"
             )
-    kept = structure(cell).kept
-    names = tuple(cell.robot.parameters[i] for i in kept)
-    return Knowledge(cell, cell.theta, names, np.diag((cell.scale[list(kept)] / cell.prior[list(kept)]) ** 2))
+    found = structure(cell)
+    names = tuple(cell.robot.parameters[i] for i in found.kept)
+    known = (cell.scale / cell.prior)[list(found.kept)]
+    return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found))
+
+
+def _spread(cell: Cell, found: Identifiability) -> Float[np.ndarray, "kept kept"]:
+    """Covariance of the kept parameters, whitened, together with what eliminated ones hand over to them."""
+    place = {found.names[i]: row for row, i in enumerate(found.kept)}
+    scale = dict(zip(found.names, cell.scale, strict=True))
+    T = np.zeros((len(place), len(found.combinations)))
+    for column, (name, terms) in enumerate(found.combinations.items()):
+        for kept, coefficient in terms.items():
+            T[place[kept], column] = coefficient * scale[name] / scale[kept]
+    return np.eye(len(place)) + T @ T.T
 
 
 def knowledge_after(cell: Cell, calibration: Calibration) -> Knowledge:
@@ -90,10 +119,16 @@ def knowledge_after(cell: Cell, calibration: Calibration) -> Knowledge:
         )
     scale = cell.scale[calibration.index]
     precision = np.linalg.inv(calibration.covariance / np.outer(scale, scale))
-    return Knowledge(cell, calibration.theta, calibration.estimated, (precision + precision.T) / 2)
+    precision = (precision + precision.T) / 2
+    return Knowledge(cell, calibration.theta, calibration.estimated, precision, np.linalg.inv(precision))
 
 
 def touch_sigma(cell: Cell, faces: Sequence[str]) -> Float[np.ndarray, " touches"]:
     """Standard deviations of touches on named faces [mm]: repeatability and machining tolerance in quadrature."""
+    return np.hypot(cell.touch.sigma, face_tolerance(cell, faces))
+
+
+def face_tolerance(cell: Cell, faces: Sequence[str]) -> Float[np.ndarray, " touches"]:
+    """Standard deviations of where named faces stand [mm]."""
     assert cell.jig is not None
-    return np.hypot(cell.touch.sigma, [cell.jig.by_name[name].tolerance for name in faces])
+    return np.array([cell.jig.by_name[name].tolerance for name in faces])

@@ -1,6 +1,5 @@
 """The order of touches: little travel between approaches, on ways that are clear, and the minutes that it takes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +13,6 @@ RETRACT_SPEED = 100.0  # [mm/s] of the tip, back from the contact
 SETTLE = 0.4  # [s] for the sensing signal to clear: power sources hold it 0.3 to 0.5 s
 KICKS = 1500  # a tour of 50 places is broken at random and repaired 30 times, one of 100 places 15 times
 DETOUR = 60.0  # [s], what a way that is not clear costs: more than any that is
-ROUNDS = 60  # of finding ways that are not clear, and going around
-
-Clear = Callable[[Float[np.ndarray, "ways joints"], Float[np.ndarray, "ways joints"]], Bool[np.ndarray, " ways"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,28 +24,21 @@ class Order:
     blocked: tuple[int, ...]  # places in the order from which the way to the next touch is not clear
 
 
-def order(cell: Cell, plan: Plan, clear: Clear | None = None, rng: np.random.Generator | None = None) -> Order:
+def order(
+    cell: Cell,
+    plan: Plan,
+    clear: Bool[np.ndarray, "touches touches"] | None = None,
+    rng: np.random.Generator | None = None,
+) -> Order:
     """Order touches so that the robot travels little between their approach points.
 
-    Ways are straight in joint space; `clear` tells which of them, from starts to ends, are free of collisions. Ways
-    found blocked are avoided as long as there are others.
+    Ways are straight in joint space; those that are not `clear` are taken only where there is no order without them.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    clear = (lambda start, end: _outside_boxes(cell, start, end)) if clear is None else clear
     D = travel(cell, plan.approach)
-    known = np.zeros(D.shape, dtype=bool)
-    tour = np.arange(len(plan))
-    for repetition in range(ROUNDS):
-        tour = shortest(D, rng, tour, kicks=0 if repetition else None)
-        a, b = tour[:-1], tour[1:]
-        new = ~known[a, b]
-        if not new.any():
-            break
-        free = clear(plan.approach[a[new]], plan.approach[b[new]])
-        known[a[new], b[new]] = known[b[new], a[new]] = True
-        stopped = np.flatnonzero(new)[~free]
-        D[a[stopped], b[stopped]] += DETOUR
-        D[b[stopped], a[stopped]] += DETOUR
+    if clear is not None:
+        D = D + DETOUR * ~(clear | np.eye(len(D), dtype=bool))
+    tour = shortest(D, rng)
     blocked = np.flatnonzero(D[tour[:-1], tour[1:]] >= DETOUR)
     return Order(tour, minutes(cell, plan.take(tour)), tuple(int(i) for i in blocked))
 
@@ -66,7 +55,7 @@ def minutes(cell: Cell, plan: Plan) -> float:
     """
     start, end = plan.approach[:-1], plan.approach[1:]
     joints = np.abs((end - start) / cell.robot.speed).max(axis=1, initial=0.0)
-    tip = cell.kinematics.tip(_between(start, end, 9).reshape(-1, start.shape[1]), cell.theta)[0].reshape(-1, 9, 3)
+    tip = cell.kinematics.tip(between(start, end, 9).reshape(-1, start.shape[1]), cell.theta)[0].reshape(-1, 9, 3)
     way = np.linalg.norm(np.diff(tip, axis=1), axis=2).sum(axis=1)
     each = cell.touch.approach / cell.touch.speed + cell.touch.approach / RETRACT_SPEED + SETTLE
     return float((np.maximum(joints, way / MOVE_SPEED).sum() + each * len(plan)) / 60)
@@ -169,22 +158,9 @@ def _kicked(tour: Int[np.ndarray, " places"], rng: np.random.Generator) -> Int[n
     return np.concatenate([tour[:a], tour[b:c], tour[a:b], tour[c:]])
 
 
-def _between(
+def between(
     start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], samples: int
 ) -> Float[np.ndarray, "ways samples joints"]:
     """Poses along straight ways, ends included."""
     s = np.linspace(0.0, 1.0, samples)[:, None]
     return start[:, None] + s * (end - start)[:, None]
-
-
-def _outside_boxes(
-    cell: Cell, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], samples: int = 33
-) -> Bool[np.ndarray, " ways"]:
-    """Ways on which the tip stays out of the solid boxes of the jig."""
-    q = _between(start, end, samples)
-    tip = cell.kinematics.tip(q.reshape(-1, q.shape[2]), cell.theta)[0].reshape(len(q), samples, 3)
-    clear = np.ones(len(q), dtype=bool)
-    for box in () if cell.jig is None else cell.jig.boxes:
-        inside: Bool[np.ndarray, "ways samples"] = np.all((tip > box.lower) & (tip < box.upper), axis=2)
-        clear &= ~inside.any(axis=1)
-    return clear

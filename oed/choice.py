@@ -1,0 +1,85 @@
+"""Choose touches from an offer: the best of them that the robot can also visit one after the other."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from oed.aim import Aim
+from oed.candidates import Candidates
+from oed.offer import Offer, plan_of
+from oed.passes import swapped
+from oed.sequence import Order, order
+from oed.ways import astray, like
+
+POOL = 2500  # touches that an exchange looks at
+TRIES = 8  # of choosing again where the chosen cannot be visited
+
+Pick = Callable[[Bool[np.ndarray, " touches"], Int[np.ndarray, " n"] | None], Int[np.ndarray, " n"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Touches in the order in which to make them."""
+
+    touches: Candidates
+    order: Order
+
+
+def visited(offered: Offer, pick: Pick, rng: np.random.Generator) -> tuple[Int[np.ndarray, " n"], Order]:
+    """Touches that `pick` chooses among those allowed, until they can be visited on clear ways; and their order.
+
+    What leads to blocked ways is given up, with all that is more like it than like what stays. The best try is
+    returned where none is free of blocked ways.
+    """
+    cell, at = offered.known.cell, offered.found.approach
+    allowed, chosen = np.ones(len(at), dtype=bool), None
+    best: tuple[Int[np.ndarray, " n"], Order] | None = None
+    for _ in range(TRIES):
+        chosen = pick(allowed, chosen)
+        clear = offered.ways.among(at[chosen])
+        found = order(cell, plan_of(offered.found.take(chosen)), clear, rng)
+        if best is None or len(found.blocked) < len(best[1].blocked):
+            best = chosen, found
+        if not found.blocked:
+            break
+        pairs = np.array([[found.index[i], found.index[i + 1]] for i in found.blocked])
+        bad = astray(clear, pairs)
+        good = np.setdiff1d(np.arange(len(chosen)), bad)
+        allowed &= ~like(cell, at, at[chosen[bad]], at[chosen[good]])
+        if allowed.sum() < len(chosen):
+            break
+    assert best is not None
+    return best
+
+
+def optimal(offered: Offer, n: int, aim: Aim) -> Pick:
+    """Choose what is best by a smooth criterion: greedy, then exchange."""
+    P, F = offered.known.precision, offered.rows
+
+    def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
+        some = np.flatnonzero(allowed)
+        start = some[greedy(F[some], P, n, aim)] if before is None else before
+        C = np.linalg.inv(P + F[start].T @ F[start])
+        pool = some[np.argsort(-aim.gains(F[some], C), kind="stable")[:POOL]]
+        pool = np.concatenate([start, np.setdiff1d(pool, start)])
+        return pool[swapped(F[None, pool], P, np.arange(n), [aim], allowed=allowed[pool])]
+
+    return pick
+
+
+def greedy(
+    F: Float[np.ndarray, "rows kept"], M: Float[np.ndarray, "kept kept"], n: int, aim: Aim
+) -> Int[np.ndarray, " n"]:
+    """Add the touch that adds most, n times."""
+    C = np.linalg.inv(M)
+    chosen: list[int] = []
+    for _ in range(n):
+        gain = aim.gains(F, C)
+        gain[chosen] = -1
+        i = int(np.argmax(gain))
+        chosen.append(i)
+        x = C @ F[i]
+        C = C - np.outer(x, x) / (1 + F[i] @ x)
+    return np.array(chosen)

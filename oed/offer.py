@@ -1,0 +1,103 @@
+"""What a plan is chosen from: all touches that can be made, what each would tell, and the zone where it counts."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identify.model.calibration import Calibration
+from identify.model.cell import Cell
+from identify.model.touch import Plan
+from oed.candidates import Candidates, candidates
+from oed.information import Knowledge, knowledge_after, nominal_knowledge, touch_sigma
+from oed.judgement import Judge
+from oed.ways import Ways
+from oed.zone import Promise, promise, zone_poses
+
+
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """Touches on offer, and what is known before them."""
+
+    known: Knowledge
+    found: Candidates
+
+    @cached_property
+    def sigma(self) -> Float[np.ndarray, " touches"]:
+        """Standard deviation of every touch [mm]."""
+        return touch_sigma(self.known.cell, self.found.names())
+
+    @cached_property
+    def rows(self) -> Float[np.ndarray, "touches kept"]:
+        """What every touch tells, whitened."""
+        return self.rows_at(self.known.theta)
+
+    def rows_at(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "touches kept"]:
+        """What every touch would tell of a robot with other parameters."""
+        return self.known.rows(self.found.q, self.found.normal, self.sigma, theta)
+
+    @cached_property
+    def zone(self) -> Float[np.ndarray, "poses joints"]:
+        """Poses of the weld zone [rad] or [mm]."""
+        return zone_poses(self.known.cell, self.known.theta)
+
+    @cached_property
+    def tip(self) -> Float[np.ndarray, "poses 3 kept"]:
+        """How the tip moves there with the whitened parameters [mm]."""
+        return self.known.tip_rows(self.zone)
+
+    @cached_property
+    def judge(self) -> Judge:
+        """Who says whether a touch can be made."""
+        return Judge(self.known.cell, self.known.theta, self.found.margins)
+
+    @cached_property
+    def ways(self) -> Ways:
+        """Which ways between postures are clear."""
+        return Ways(self.judge.clearance)
+
+    def promise(self, touches: Candidates) -> Promise:
+        """The tip error to expect in the zone after some touches."""
+        names = touches.names()
+        rows = self.known.rows(touches.q, touches.normal, touch_sigma(self.known.cell, names))
+        return promise(self.tip, self.known.error(rows, names))
+
+
+def offer(
+    cell: Cell,
+    rng: np.random.Generator,
+    *,
+    after: Calibration | None = None,
+    count: int | None = None,
+    structured: bool = True,
+) -> Offer:
+    """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly."""
+    if after is None:
+        known, covariance = nominal_knowledge(cell), None
+    else:
+        cell = _placed(cell, after)
+        known, covariance = knowledge_after(cell, after), _covariance(after)
+    options = ({} if count is None else {"count": count}) | ({} if structured else {"structured": 0.0})
+    return Offer(known, candidates(cell, rng, theta=known.theta, covariance=covariance, **options))  # type: ignore[arg-type]
+
+
+def _placed(cell: Cell, after: Calibration) -> Cell:
+    """The cell with its base and tool where an earlier calibration found them, if the cell leaves that open."""
+    base = after.theta[:6] if cell.base is None else cell.base
+    tool = after.theta[-6:] if cell.tool is None else cell.tool
+    return replace(cell, base=base, tool=tool)
+
+
+def _covariance(after: Calibration) -> Float[np.ndarray, "parameters parameters"]:
+    """Covariance of all parameters after a calibration; 0 where a parameter was not estimated."""
+    covariance = np.zeros((len(after.theta), len(after.theta)))
+    covariance[np.ix_(after.index, after.index)] = after.covariance
+    return covariance
+
+
+def plan_of(touches: Candidates, order: Int[np.ndarray, " touches"] | None = None) -> Plan:
+    """Touches as they stand in plan.csv, numbered in their order."""
+    touches = touches if order is None else touches.take(order)
+    ids = tuple(str(i + 1) for i in range(len(touches)))
+    return Plan(ids, touches.names(), touches.point, touches.normal, touches.q, touches.approach)
