@@ -113,3 +113,17 @@ def test_a_point_of_a_face_has_the_fractions_it_was_made_from(name, rng):
 
         np.testing.assert_allclose(face.fractions(lifted), st, atol=1e-12)
         np.testing.assert_allclose(lifted @ face.normal, face.offset + 7, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_parameters_stand_in_the_order_of_the_design_with_their_units(name):
+    robot = ROBOTS[name]
+
+    names, unit = robot.parameters, robot.parameter_unit()
+
+    pose = ["x", "y", "z", "rz", "ry", "rx"]
+    links = [f"j{i + 1}.{key}" for i in range(len(robot.joints)) for key in ("theta", "d", "a", "alpha", "beta")]
+    assert list(names) == [f"base.{key}" for key in pose] + links + [f"tool.{key}" for key in pose]
+    degrees = {"rz", "ry", "rx", "theta", "alpha", "beta"}
+    assert [value != 1 for value in unit] == [key.split(".")[1] in degrees for key in names]
+    assert [value != 1 for value in robot.joint_unit()] == [not slides for slides in robot.prismatic]
