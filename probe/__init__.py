@@ -1,1 +1,22 @@
 """From a plan to touches, over a serial line."""
+
+from importlib import import_module
+from typing import Any
+
+_FRONT = {
+    "run": "probe.execution",
+    "retreat": "probe.execution",
+    "rehearse": "probe.rehearsal",
+    "Session": "probe.session",
+    "Settings": "probe.settings",
+    "open_controller": "probe.controllers",
+    "estimate_delay": "probe.delay",
+}
+__all__ = ["Session", "Settings", "estimate_delay", "open_controller", "rehearse", "retreat", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what the front page names only when it is asked for."""
+    if name not in _FRONT:
+        raise AttributeError(f"module 'probe' has no attribute '{name}'")
+    return getattr(import_module(_FRONT[name]), name)

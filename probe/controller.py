@@ -19,6 +19,7 @@ CODES = {
     "SYNTAX": "the controller did not understand the command",
     "BUSY": "another motion is still running",
     "NOLATCH": "no touch is latched",
+    "ROBOT": "it is another robot",
     "LOST": "the command never arrived, nothing moved",
 }
 

@@ -90,7 +90,6 @@ class Link:
         self.timing = timing or Timing.of(clock)
         self.boot = ""
         self.joints = 0
-        self.heard = b""  # the first bytes, to recognise who else speaks
         self._lines = Lines()
         self._last = 0  # number of the last command that the controller has begun
         self._in_step = False  # whether both sides count alike
@@ -262,8 +261,6 @@ class Link:
         until = self.clock.now() + seconds
         while True:
             data = self.transport.read(self.clock.real(until - self.clock.now()))
-            if not self.boot and len(self.heard) < 4096:
-                self.heard += data
             yield from filter(None, map(unseal, self._lines.feed(data)))
             if self.clock.now() >= until:
                 return

@@ -1,1 +1,94 @@
-"""Robot controllers by the protocol they speak."""
+"""Robot controllers by the protocol they speak, and who it is that answers where it is another."""
+
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from identify.model.files import InputError, nearest
+from identify.model.robot import Robot
+from probe.clock import Clock
+from probe.controller import Controller, LinkLost, TouchError
+from probe.transcript import Transport
+
+PROTOCOLS = {
+    "line": "probe.controllers.line:Line",
+    "grbl": "probe.controllers.grbl:Grbl",
+    "linuxcnc": "probe.controllers.linuxcnc:LinuxCNC",
+}
+VOICES = {  # what each is heard to say, even to a language that is not its own
+    "line": rb"TOUCH/1|\? NAK\*[0-9A-F]{4}",
+    "grbl": rb"Grbl|\[VER:|\[MSG:|\[GC:|^(ok|error:\d+|ALARM:\d+)\r?$|<\w+(:\d)?\|",
+    "linuxcnc": rb"^(HELLO|SET|GET|SHUTDOWN) (ACK|NAK)|^[A-Z_]+ (ACK|NAK)\r?$",
+}
+ENOUGH = 4096  # bytes to recognise a voice by
+
+
+class _Overheard:
+    """A transport that keeps the first bytes it hears."""
+
+    def __init__(self, inner: Transport) -> None:
+        self.url, self.heard, self._inner = inner.url, b"", inner
+        self.write, self.reopen, self.close = inner.write, inner.reopen, inner.close
+
+    def read(self, timeout: float) -> bytes:
+        """As the transport does."""
+        data = self._inner.read(timeout)
+        if len(self.heard) < ENOUGH:
+            self.heard += data
+        return data
+
+
+def open_controller(
+    port: str,
+    protocol: str,
+    robot: Robot,
+    *,
+    baud: int = 115200,
+    clock: Clock | None = None,
+    transcript: Path | None = None,
+    **options: Any,
+) -> Controller:
+    """Open a port and find the controller of the robot there; nothing moves.
+
+    `clock` runs faster than the wall where a simulated cell does (`Clock(20)`); `transcript` is written with what goes
+    over the line; `options` are those of the backend (`home=True`, `axis_unit_deg=0.1`). Raises InputError with one
+    sentence: the protocol unknown, the port absent or taken, nobody or somebody else there, a wrong baud rate.
+    """
+    if protocol not in PROTOCOLS:
+        known = ", ".join(PROTOCOLS)
+        raise InputError(f"protocol '{protocol}' is unknown{nearest(protocol, PROTOCOLS)}; there are {known}")
+    from probe.transport import open_port
+
+    clock = clock or Clock()
+    module, _, name = PROTOCOLS[protocol].partition(":")
+    backend = getattr(import_module(module), name)
+    transport = _Overheard(open_port(port, baud, clock, transcript))
+    try:
+        controller = backend(transport, robot, clock, **options)
+        controller.connect()
+    except TouchError as error:
+        transport.close()
+        raise InputError(_why_not(port, protocol, baud, transport.heard, error)) from None
+    except BaseException:
+        transport.close()
+        raise
+    return controller
+
+
+def recognised(heard: bytes) -> str:
+    """The protocol that was overheard, or nothing."""
+    return next((name for name, voice in VOICES.items() if re.search(voice, heard, re.MULTILINE)), "")
+
+
+def _why_not(port: str, protocol: str, baud: int, heard: bytes, error: TouchError) -> str:
+    if "disconnected" in str(error) and not heard:
+        return f"'{port}' hangs up; is another program connected to it?"
+    other = recognised(heard)
+    if not isinstance(error, LinkLost):
+        return f"the controller at '{port}' cannot be used: {error}"
+    if other and other != protocol:
+        return f"the controller at '{port}' speaks {other}, not {protocol}; say --protocol {other}"
+    if heard and not other:
+        return f"what comes from '{port}' makes no sense; is {baud} its baud rate, and {protocol} its protocol?"
+    return f"nobody speaks {protocol} at '{port}'; is the controller on, and the cable in the right port?"

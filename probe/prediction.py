@@ -1,0 +1,76 @@
+"""Where the next touch should be, by all touches so far: a sudden disagreement is then seen at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.cell import Cell
+from identify.model.jig import Face
+from identify.model.measurement import MeasurementModel, Rows
+
+UNKNOWN = 1e3  # a base or a tool to be fitted may be anywhere: so many times the usual prior
+STEPS = 3  # of Gauss and Newton after each touch; the last estimate is close already
+
+
+@dataclass(frozen=True)
+class Surprise:
+    """A touch against what is known."""
+
+    residual: float  # [mm] along the normal against the nominal model
+    difference: float  # [mm] against the prediction from all touches so far
+    expected: float  # [mm], 1 sigma of that difference
+
+    def beyond(self, floor: float) -> bool:
+        """Whether the difference is more than five sigma and a floor [mm] for what the model leaves out."""
+        return abs(self.difference) > 5 * self.expected + floor
+
+
+class Predictor:
+    """The most probable parameters given the priors of the cell and the touches so far (Gauss-Newton, all touches).
+
+    This guards the run against touches on the wrong thing; it identifies nothing that leaves the run.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        self.cell = cell
+        self._model = MeasurementModel(cell.robot)
+        self._prior = np.where(np.isfinite(cell.prior), cell.prior, UNKNOWN * cell.scale)
+        self._theta = cell.theta.copy()
+        self._covariance = np.diag(self._prior**2)
+        self._rows: list[tuple[Float[np.ndarray, " joints"], Face]] = []
+
+    def judge(self, q: Float[np.ndarray, " joints"], face: Face) -> Surprise:
+        """A new touch at joint values `q` against what is known."""
+        rows = self._stack([(q, face)])
+        r, J = self._model.linearize(self._theta, rows)
+        variance = float(J[0] @ self._covariance @ J[0] + rows.sigma[0] ** 2)
+        nominal = self._model.residual(self.cell.theta, rows)
+        return Surprise(float(nominal[0]), float(r[0]), float(np.sqrt(variance)))
+
+    def learn(self, q: Float[np.ndarray, " joints"], face: Face) -> None:
+        """Take a touch as true."""
+        self._rows.append((q, face))
+        rows = self._stack(self._rows)
+        for _ in range(STEPS):
+            r, J = self._model.linearize(self._theta, rows)
+            W = J / rows.sigma[:, None] * self._prior
+            M = W.T @ W + np.eye(len(self._prior))
+            pull = (self.cell.theta - self._theta) / self._prior
+            step = np.linalg.solve(M, pull - W.T @ (r / rows.sigma))
+            self._theta = self._theta + self._prior * step
+        self._covariance = np.linalg.inv(M) * np.outer(self._prior, self._prior)
+
+    def _stack(self, touches: list[tuple[Float[np.ndarray, " joints"], Face]]) -> Rows:
+        wire, touch = self.cell.wire, self.cell.touch
+        ball, flat = (wire.radius * (wire.shape == shape) for shape in ("ball", "flat"))
+        m = len(touches)
+        return Rows(
+            q=np.stack([q for q, _ in touches]),
+            normal=np.stack([face.normal for _, face in touches]),
+            offset=np.array([face.offset + ball for _, face in touches]),
+            radius=np.full(m, flat),
+            sigma=np.array([np.hypot(touch.sigma, face.tolerance) for _, face in touches]),
+            ids=tuple(map(str, range(m))),
+            owner=np.arange(m),
+        )

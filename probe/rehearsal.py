@@ -1,0 +1,63 @@
+"""A dry run: every approach of a plan at a safe distance, and no touch."""
+
+import numpy as np
+
+from identify.model.cell import Cell
+from identify.model.touch import Plan
+from probe.clock import Clock
+from probe.controller import Controller, Refused, TouchError
+from probe.events import Finished, Listener, Started, Touching, ignore
+from probe.paths import Geometry
+from probe.preflight import validate
+from probe.settings import Settings
+
+
+def rehearse(
+    plan: Plan,
+    controller: Controller,
+    cell: Cell,
+    settings: Settings = Settings(),  # noqa: B008, frozen
+    *,
+    tell: Listener = ignore,
+    clock: Clock | None = None,
+) -> Finished:
+    """Visit the approach of every touch, further off its face by `settings.dry_distance`; nothing is written.
+
+    Raises InputError where something speaks against the plan, TouchError where something is touched or goes wrong: the
+    robot is then back where that move began, or stands still.
+    """
+    clock = clock or Clock()
+    began = clock.now()
+    targets = validate(plan, cell, settings, controller.joints)
+    geometry = Geometry(cell, settings)
+    here = _ready(controller)
+    tell(Started(len(targets), 0, controller.name))
+    for target in targets:
+        tell(Touching(target.id, target.face.name, 1))
+        far = geometry.length(target.contact, target.approach) + settings.dry_distance
+        q = geometry.beyond(target.contact, target.approach, far)
+        if geometry.inside(here, q):
+            raise TouchError(f"the way to touch '{target.id}' leads through the jig; jog the robot above the jig first")
+        try:
+            here = controller.move(q, geometry.move_rate(here, q, settings.move_speed))
+        except KeyboardInterrupt:
+            controller.stop()
+            raise
+        except Refused as refusal:
+            if refusal.code == "EARLY":
+                controller.move(here, geometry.move_rate(q, here, settings.retract_speed))
+            raise TouchError(f"on the way to touch '{target.id}': {refusal}") from None
+    finished = Finished(0, len(targets), clock.now() - began)
+    tell(finished)
+    return finished
+
+
+def _ready(controller: Controller) -> np.ndarray:
+    state = controller.state()
+    if state.moving:
+        raise TouchError("the robot is moving; wait until it stands")
+    if not state.homed:
+        raise TouchError("the machine is not homed; home it, then start again")
+    if state.contact:
+        raise TouchError("the touch input is closed before the first motion; free the wire, or check the input")
+    return state.q
