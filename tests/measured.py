@@ -34,9 +34,7 @@ def poses_over_jig(cell: Cell, count: int, rng: np.random.Generator) -> np.ndarr
     return np.concatenate(found)[:count]
 
 
-def touches_at(
-    cell: Cell, theta: np.ndarray, q: np.ndarray, rng: np.random.Generator, sigma: float = 0.05
-) -> Touches:
+def touches_at(cell: Cell, theta: np.ndarray, q: np.ndarray, rng: np.random.Generator, sigma: float = 0.05) -> Touches:
     """Touches of planes across x, y and z in turn that stand where the true tip is, but for noise."""
     m = len(q)
     normal = np.eye(3)[np.arange(m) % 3]

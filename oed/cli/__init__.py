@@ -14,6 +14,7 @@ COMMANDS = {
     "demo": "The whole loop on the embedded virtual robot: plan, touch, identify, verify.",
     "init": "Make a commented cell folder to start from.",
     "check": "Validate the cell, and compare it with poses read off the pendant.",
+    "run": "Make the touches of a plan over a serial line.",
     "virtual": "Serve a virtual robot cell on a pseudo-terminal or socket.",
     "plan": "Choose the touches that tell the most about the robot.",
     "identify": "Identify the parameters that put every touch on its face.",
@@ -73,11 +74,12 @@ def _answer(error: Exception) -> int:
     """One sentence for what went wrong, and the exit code that goes with it."""
     from identify.calibration import CalibrationFailed
     from identify.model.files import InputError
+    from probe.controller import TouchError
 
     if isinstance(error, InputError):
         _say(str(error))
         return BAD_INPUT
-    if isinstance(error, CalibrationFailed):
+    if isinstance(error, (CalibrationFailed, TouchError)):
         _say(str(error))
         return FAILED
     _say(

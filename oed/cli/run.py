@@ -1,0 +1,160 @@
+"""`touchcal run`."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from identify.model.cell import Cell
+from identify.model.files import InputError
+from identify.model.tables import read_plan
+from oed.cli.live import Screen
+from oed.cli.options import CellFile, Json, load_cell, print_json
+from probe import Session, Settings, open_controller, rehearse, retreat
+from probe import run as make_touches
+from probe.clock import Clock
+from probe.events import Finished
+from probe.preflight import validate
+
+SIM = "sim"
+
+
+def run(
+    plan: Path,
+    *,
+    cell: CellFile = Path("cell.yaml"),
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("touches.csv"),
+    port: str | None = None,
+    protocol: str | None = None,
+    baud: int | None = None,
+    resume: Annotated[bool, Parameter(negative=())] = False,
+    dry_run: Annotated[bool, Parameter(negative=())] = False,
+    trust_position: Annotated[bool, Parameter(negative=())] = False,
+    home: Annotated[bool, Parameter(negative=())] = False,
+    override: float = 1.0,
+    fast_speed: float | None = None,
+    again_every: int = 0,
+    temperature: float | None = None,
+    note: str = "",
+    transcript: Path | None = None,
+    truth: str | None = None,
+    time_scale: float = 1.0,
+    json: Json = False,
+) -> int:
+    """Make the touches of a plan, and append them to touches.csv.
+
+    The whole plan is checked before the first motion. Ctrl-C stops the robot, then asks whether to retract; --resume
+    goes on where a run stopped, whatever stopped it. With port sim the embedded virtual robot makes the touches.
+    Example:
+
+        touchcal run plan.csv --port /dev/ttyUSB0 --protocol line
+
+    Parameters
+    ----------
+    plan
+        What touchcal plan wrote.
+    output
+        Where touches are appended; the journal of the run is written beside it.
+    port
+        /dev/ttyUSB0, COM5, socket://host:port or sim, in place of the cell's.
+    protocol
+        line (TOUCH/1), grbl or linuxcnc, in place of the cell's.
+    baud
+        Speed of the serial line, in place of the cell's.
+    resume
+        Go on with the run that touches.csv and its journal belong to.
+    dry_run
+        Visit every approach at a safe distance and touch nothing.
+    trust_position
+        You have checked where the robot stands, after a restart of its controller or a move by hand.
+    home
+        Home a LinuxCNC machine first.
+    override
+        Speed of the moves, 0 to 1; searches keep their own.
+    fast_speed
+        Search first at this speed in mm/s, back off, and search again at the cell's.
+    again_every
+        Touch the first point again after so many touches, to see drift.
+    temperature
+        Degrees Celsius of robot or hall, noted with every touch.
+    note
+        A remark, noted with every touch.
+    transcript
+        Write what goes over the line, with times.
+    truth
+        With port sim: what the virtual robot truly is, a file or library:arc-welder.
+    time_scale
+        With a virtual cell: how many times faster than real time it runs.
+    """
+    described = load_cell(cell)
+    planned = read_plan(plan, described)
+    if not 0 < override <= 1:
+        raise InputError(f"--override is {override:g}, expected more than 0 and at most 1")
+    if time_scale <= 0:
+        raise InputError(f"--time-scale is {time_scale:g}, expected a number above 0")
+    where, clock = port or described.controller.port, Clock(time_scale)
+    settings = Settings(
+        override=override, fast_speed=fast_speed, again_every=again_every, temperature=temperature, note=note,
+        trust_position=trust_position or where == SIM,
+    )  # fmt: skip
+    validate(planned, described, settings, len(described.robot.joints))  # before anything is opened or written
+    line: dict[str, Any] = {"baud": baud or described.controller.baud, "clock": clock, "transcript": transcript}
+    spoken = protocol or described.controller.protocol
+    screen = Screen(silent=json)
+    with _port(where, spoken, described, truth, time_scale) as url:
+        if dry_run:
+            with screen:
+                controller = open_controller(url, spoken, described.robot, **line | ({"home": True} if home else {}))
+                finished = rehearse(planned, controller, described, settings, tell=screen.tell, clock=clock)
+        else:
+            with Session(output, described, planned, resume=resume, clock=clock) as session:
+                controller = open_controller(url, spoken, described.robot, **line | ({"home": True} if home else {}))
+                try:
+                    with screen:
+                        finished = make_touches(planned, controller, session, settings, tell=screen.tell, clock=clock)
+                except KeyboardInterrupt:
+                    _after_stop(controller, session, settings, clock)
+                    return 130
+                finally:
+                    controller.close()
+    _tell(finished, output, dry_run, json)
+    return 0
+
+
+def _after_stop(controller: Any, session: Session, settings: Settings, clock: Clock) -> None:
+    """The robot stands; bring it out of contact if a person says so."""
+    print("touchcal: stopped; the robot stands still", file=sys.stderr)
+    if sys.stdin.isatty() and input("retract to the last approach? [y/N] ").strip().lower().startswith("y"):
+        retreat(controller, session, settings, clock=clock)
+        print("touchcal: retracted", file=sys.stderr)
+    print("touchcal: go on with --resume; every touch made so far is in the table", file=sys.stderr)
+
+
+def _tell(finished: Finished, output: Path, dry_run: bool, json: bool) -> None:
+    if json:
+        print_json({"hits": finished.hits, "touches": finished.total, "minutes": finished.seconds / 60})
+    elif dry_run:
+        print(f"{finished.total} approaches visited in {finished.seconds / 60:.1f} minutes, nothing touched")
+    else:
+        print(
+            f"{finished.hits} of {finished.total} touches made in {finished.seconds / 60:.1f} minutes; go on with "
+            f"touchcal identify {output}"
+        )
+
+
+@contextmanager
+def _port(where: str, protocol: str, cell: Cell, truth: str | None, speed: float) -> Iterator[str]:
+    """The port to open; for `sim`, that of a virtual cell that lives as long as the run."""
+    if where != SIM:
+        yield where
+        return
+    from probe.virtual.command import choose_truth
+    from probe.virtual.server import serve
+
+    if protocol not in ("line", "grbl"):
+        raise InputError(f"port sim speaks line or grbl, not {protocol}; name the port of the {protocol} controller")
+    with serve(cell, choose_truth(cell, truth, 0), protocol=protocol, speed=speed) as served:
+        yield served.url
