@@ -8,7 +8,7 @@ _FRONT = {
     "exact_design": "oed.exchange",
     "plan": "oed.planning",
 }
-__all__ = ["approximate_design", "exact_design", "plan"]  # noqa: F822, loaded when first asked for
+__all__ = ["approximate_design", "exact_design", "plan"]
 
 
 def __getattr__(name: str) -> Any:

@@ -28,7 +28,8 @@ class Block:
 
 
 def blocks():
-    found, heading, comment, inside = [], "", "", None
+    found, text = [], []
+    heading, comment, inside = "", "", None
     for line in README.read_text(encoding="utf-8").splitlines():
         if inside is not None:
             if line == "```":
