@@ -1,5 +1,7 @@
 """The run of a plan: which touch comes next, which counts, which is made again, and when to stop."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from identify.model.touch import HIT, Plan
@@ -15,6 +17,7 @@ from probe.session import Session
 from probe.settings import Settings
 
 USUAL = Settings()
+CLEAR = 15.0  # [mm] from the jig, on ways that no planner has seen
 
 
 def run(
@@ -99,7 +102,9 @@ class Execution:
         """After a restart, touch a known point again: the position must mean what it meant before."""
         if not self.session.hits():
             return
-        before = self.session.hits()[-1]
+        before = self._known(reversed(self.session.hits()))
+        if before is None:
+            raise TouchError("no known point can be reached from here without passing the jig; jog the robot above it")
         target = self._of(before.id)
         found = self.motion.attempt(target, before.id)
         if isinstance(found, Failed):
@@ -171,15 +176,25 @@ class Execution:
             )
 
     def _look_for_drift(self) -> None:
-        """Every so many touches, touch the first known point again."""
+        """Every so many touches, touch the first known point again that is in reach."""
         every, hits = self.settings.again_every, [hit for hit in self.session.hits() if AGAIN not in hit.id]
-        if not every or not hits or len(hits) % every:
+        first = self._known(hits) if every and hits and len(hits) % every == 0 else None
+        if first is None:
             return
-        first = hits[0]
         number = 2 + sum(name.startswith(first.id + AGAIN) for name in self.session.results)
         again = self._touch(self._of(first.id), f"{first.id}{AGAIN}{number}")
         if again.status == HIT:
             self.tell(Drifted(again.id, self._change(first.reading, again.reading, self._of(first.id))))
+
+    def _known(self, hits: Iterable[Result]) -> Result | None:
+        """The first of some touches to which, and from there to the next of the plan, the way is clear of the jig."""
+        following = next((target for target in self.targets if target.id not in self.session.results), None)
+        for hit in hits:
+            there = self._of(hit.id).approach
+            ways = [(self.motion.here, there), *([(there, following.approach)] if following else [])]
+            if not any(self.motion.geometry.inside(*way, margin=CLEAR) for way in ways):
+                return hit
+        return None
 
     def _judge(self, found: Measured, target: Target) -> Surprise:
         return self.predictor.judge(found.reading.q, target.face)

@@ -114,8 +114,11 @@ class Geometry:
         s = float((p - a) @ line / square) if square else 0.0
         return s, float(np.radians(np.abs(p - a - s * line).max()))
 
-    def inside(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> bool:
-        """Whether the tip goes through a solid box of the jig on a straight joint path."""
+    def inside(
+        self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"], margin: float = 0.0
+    ) -> bool:
+        """Whether the tip comes within a margin [mm] of a solid box of the jig on a straight joint path."""
         boxes = () if self.cell.jig is None else self.cell.jig.boxes
         _, tip, _ = self.path(start, end)
-        return any(bool(((tip > box.lower) & (tip < box.upper)).all(axis=1).any()) for box in boxes)
+        near = [(tip > np.array(box.lower) - margin) & (tip < np.array(box.upper) + margin) for box in boxes]
+        return any(bool(each.all(axis=1).any()) for each in near)

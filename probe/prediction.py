@@ -10,6 +10,7 @@ from identify.model.jig import Face
 from identify.model.measurement import MeasurementModel, Rows
 
 UNKNOWN = 1e3  # a base or a tool to be fitted may be anywhere: so many times the usual prior
+BLOCK = 32  # touches: CasADi compiles a map for each number of rows
 STEPS = 3  # of Gauss and Newton after each touch; the last estimate is close already
 
 
@@ -51,7 +52,7 @@ class Predictor:
     def learn(self, q: Float[np.ndarray, " joints"], face: Face) -> None:
         """Take a touch as true."""
         self._rows.append((q, face))
-        rows = self._stack(self._rows)
+        rows = self._stack(self._rows, BLOCK)
         for _ in range(STEPS):
             r, J = self._model.linearize(self._theta, rows)
             W = J / rows.sigma[:, None] * self._prior
@@ -61,16 +62,20 @@ class Predictor:
             self._theta = self._theta + self._prior * step
         self._covariance = np.linalg.inv(M) * np.outer(self._prior, self._prior)
 
-    def _stack(self, touches: list[tuple[Float[np.ndarray, " joints"], Face]]) -> Rows:
+    def _stack(self, touches: list[tuple[Float[np.ndarray, " joints"], Face]], block: int = 1) -> Rows:
+        """Rows of the model, filled up to whole blocks with rows that weigh nothing."""
         wire, touch = self.cell.wire, self.cell.touch
         ball, flat = (wire.radius * (wire.shape == shape) for shape in ("ball", "flat"))
-        m = len(touches)
+        more = -len(touches) % block
+        touches, m = touches + touches[:1] * more, len(touches) + more
         return Rows(
             q=np.stack([q for q, _ in touches]),
             normal=np.stack([face.normal for _, face in touches]),
             offset=np.array([face.offset + ball for _, face in touches]),
             radius=np.full(m, flat),
-            sigma=np.array([np.hypot(touch.sigma, face.tolerance) for _, face in touches]),
+            sigma=np.array(
+                [np.hypot(touch.sigma, face.tolerance) for _, face in touches[: m - more]] + [np.inf] * more
+            ),
             ids=tuple(map(str, range(m))),
             owner=np.arange(m),
         )

@@ -126,10 +126,10 @@ class Direct:
     def search(self, q: np.ndarray, rate: float) -> Contact | NoContact:
         answer = self._begin("search", q)
         world = self.world
-        if world.closed:
-            raise Refused("ALREADY")
         if answer is not None:
             return answer
+        if world.closed:
+            raise Refused("ALREADY")
         start, duration = world.q, world.duration(world.q, q, rate)
         hit = world.first_contact(start, q)
         if hit is None:
