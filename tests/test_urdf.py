@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from oracle import forward
 from scipy.spatial.transform import Rotation
 
+from identify.model.description import library, read_robot
 from identify.model.files import InputError
 from identify.model.kinematics import Kinematics
 from identify.model.urdf import read_urdf
@@ -145,24 +146,20 @@ def test_links_follow_the_common_normal_unless_axes_are_nearly_parallel(folder, 
         assert max(abs(joint.a), abs(joint.d)) <= 15 * 1000 * (1 + sum(np.linalg.norm(s.xyz) for s in stages))
 
 
-def test_the_parameters_of_a_textbook_robot_are_those_of_the_textbook(folder):
-    up, z, y = np.pi / 2, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
-    stages = [  # the arrangement of an IRB 120: heights 290, 270, 70, 302, 72 mm
-        Stage("revolute", (0, 0, 0.29), axis=z),
-        Stage("revolute", axis=y),
-        Stage("revolute", (0, 0, 0.27), axis=y),
-        Stage("revolute", (0, 0, 0.07), axis=(1.0, 0.0, 0.0)),
-        Stage("revolute", (0.302, 0, 0), axis=y),
-        Stage("revolute", axis=(1.0, 0.0, 0.0)),
-        Stage("fixed", (0.072, 0, 0), rpy=(0.0, up, 0.0)),
-    ]
+@pytest.mark.parametrize("name", ["arc-welder", "puma560", "arm7"])
+def test_a_urdf_drawn_from_a_table_gives_the_table_back(folder, name):
+    table = read_robot(library("robots")[name])
+    stages, before = [], Stage("fixed")
+    for joint in table.joints:
+        stages.append(Stage("revolute", before.xyz, before.rpy))
+        turn = Rotation.from_rotvec([0, 0, joint.theta])
+        R = turn * Rotation.from_rotvec([joint.alpha, 0, 0]) * Rotation.from_rotvec([0, joint.beta, 0])
+        shift = turn.apply([joint.a, 0, joint.d]) / 1000
+        before = Stage("fixed", tuple(shift.tolist()), tuple(R.as_euler("xyz").tolist()))
 
-    robot = model(folder, stages)
+    robot = model(folder, [*stages, before])
 
-    table = np.array([joint.link for joint in robot.joints])
-    np.testing.assert_allclose(np.abs(table[:, 1]), [290, 0, 0, 302, 0, 72], atol=1e-9)  # d
-    np.testing.assert_allclose(np.abs(table[:, 2]), [0, 270, 70, 0, 0, 0], atol=1e-9)  # a
-    np.testing.assert_allclose(np.abs(np.degrees(table[:, 3])), [90, 0, 90, 90, 90, 0], atol=1e-9)  # alpha
+    np.testing.assert_allclose([j.link for j in robot.joints], [j.link for j in table.joints], atol=1e-9)
     assert np.array_equal(robot.base_T_first, np.eye(4))
     assert np.array_equal(robot.last_T_flange, np.eye(4))
 

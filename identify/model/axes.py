@@ -25,7 +25,7 @@ class Chain:
     """What `Robot` needs: a constant frame before the first joint, five parameters a link, one behind the last."""
 
     base_T_first: Float[np.ndarray, "4 4"]
-    links: tuple[tuple[float, float, float, float, float], ...]  # theta, d, a, alpha, beta [rad, mm]
+    links: Float[np.ndarray, "joints 5"]  # theta, d, a, alpha, beta [rad] or [mm]
     last_T_flange: Float[np.ndarray, "4 4"]
 
 
@@ -41,8 +41,9 @@ def chain(axes: Sequence[Axis], base_T_flange: Float[np.ndarray, "4 4"]) -> Chai
         x = base_T_flange[:3, 0] if axis is ends[-1] else T[:3, 0]
         link = _link(T[:3, :3].T @ (axis.point - T[:3, 3]), T[:3, :3].T @ axis.direction, T[:3, :3].T @ x)
         links.append(link)
-        T = T @ _transform(*link)
-    return Chain(base_T_first, tuple(links), _tidy(inverse(T) @ base_T_flange))
+        T = T @ _transform(link)
+    # 0.0 is added so that no zero is negative
+    return Chain(base_T_first, np.array(links) + 0.0, _tidy(inverse(T) @ base_T_flange))
 
 
 def _first(axis: Axis) -> Float[np.ndarray, "4 4"]:
@@ -59,7 +60,7 @@ def _first(axis: Axis) -> Float[np.ndarray, "4 4"]:
 
 def _link(
     p: Float[np.ndarray, " 3"], z: Float[np.ndarray, " 3"], x: Float[np.ndarray, " 3"]
-) -> tuple[float, float, float, float, float]:
+) -> Float[np.ndarray, " 5"]:
     """Link parameters from a joint's frame to the line through p along z; x settles what coincident lines leave open.
 
     Along the common normal beta is 0 (Denavit and Hartenberg 1955). It runs off to infinity as the lines become
@@ -72,16 +73,17 @@ def _link(
         c, s = np.cos(theta), np.sin(theta)
         along, across = c * p[0] + s * p[1], c * p[1] - s * p[0]
         sine = s * z[0] - c * z[1]  # of alpha, signed
-        return float(theta), float(p[2] + across / sine * z[2]), float(along), float(np.arctan2(sine, z[2])), 0.0
+        return np.array([theta, p[2] + across / sine * z[2], along, np.arctan2(sine, z[2]), 0.0])
     a = np.hypot(p[0], p[1])
     theta = np.arctan2(p[1], p[0]) if a > COINCIDENT else np.arctan2(x[1], x[0])
     u = rotation(-theta, 0.0, 0.0) @ z
     alpha, beta = np.arctan2(-u[1], u[2]), np.arctan2(u[0], np.hypot(u[1], u[2]))
-    return float(theta), float(p[2]), float(a if a > COINCIDENT else 0.0), float(alpha), float(beta)
+    return np.array([theta, p[2], a if a > COINCIDENT else 0.0, alpha, beta])
 
 
-def _transform(theta: float, d: float, a: float, alpha: float, beta: float) -> Float[np.ndarray, "4 4"]:
+def _transform(link: Float[np.ndarray, " 5"]) -> Float[np.ndarray, "4 4"]:
     """Rz(theta) Trans(a, 0, d) Rx(alpha) Ry(beta) (equation 4)."""
+    theta, d, a, alpha, beta = link
     turn = rotation(theta, 0.0, 0.0)
     T = np.eye(4)
     T[:3, :3] = turn @ rotation(0.0, 0.0, alpha) @ rotation(0.0, beta, 0.0)

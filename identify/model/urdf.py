@@ -81,8 +81,10 @@ def read_urdf(path: Path, base: str, flange: str) -> Robot:
     return Robot(
         name=urdf.root.get("name") or path.stem,
         joints=tuple(
-            Joint(f"j{i + 1}", element.get("type") == "prismatic", *link, *limits)
-            for i, (element, link, limits) in enumerate(zip(joints, found.links, ranges, strict=True))
+            Joint(f"j{i + 1}", element.get("type") == "prismatic", theta, d, a, alpha, beta, *limits)
+            for i, (element, (theta, d, a, alpha, beta), limits) in enumerate(
+                zip(joints, found.links.tolist(), ranges, strict=True)
+            )
         ),
         source=f"{path.name}, from '{base}' to '{flange}'",
         base_T_first=found.base_T_first,
