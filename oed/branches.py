@@ -12,9 +12,10 @@ from identify.model.robot import Robot
 
 STARTS = 24  # random ones for each of the first poses: 98 of 100 solutions of a 6-axis arm are found by so many
 SEEDS, KNOWN = 300, 3000  # poses that get them, and poses whose solutions are kept as starts for all others
-SLACK = 0.3  # [rad] or [LEVER mm] beyond the joint limits, for a start whose solution may lie within
+SLACK = 0.5  # [rad] or [LEVER mm] beyond the joint limits, for a start whose solution may lie within
 MOST = 16  # solutions kept of a pose: a 6-axis arm has no more, a redundant one has infinitely many
 WANDER = 0.3  # [rad] or [LEVER mm], 1 sigma of the way off from known solutions, where solutions fill a curve
+BESIDE = 0.8  # [rad] or [LEVER mm]: a start that near to a solution leads to it
 ITERATIONS = 10  # from a neighbour
 TOLERANCE = 1e-4  # [mm]
 SAME = 1e-5  # difference of the keys of equal solutions
@@ -67,40 +68,52 @@ class Branches:
         pose = np.repeat(np.arange(len(first)), STARTS)
         start = rng.uniform(cell.robot.lower, cell.robot.upper, (len(pose), len(cell.robot.joints)))
         self.known = seeds = self._solved(first, pose, start, 40)
-        rest = self._continued(others, everywhere=True)
+        rest = self._both(others, seeds, self._seeded(others))
         pose, q = np.concatenate([seeds.pose, rest.pose + len(first)]), np.concatenate([seeds.q, rest.q])
         self.known = Solutions(around.take(self.order), pose, q)
 
     def solve(self, poses: Poses) -> Solutions:
-        """Solutions within the joint limits."""
-        return self._continued(poses, everywhere=False).within(self.cell.robot)
+        """Solutions within the joint limits, from those of the two nearest known poses of the group."""
+        near = self.known.within(self.cell.robot, SLACK)
+        some, known = self._features(poses), self._features(near.poses)
+        neighbour = np.full((len(poses), 2), -1)
+        for group in np.unique(poses.group):
+            here, there = poses.group == group, np.flatnonzero(near.poses.group == group)
+            if len(there) > 1:
+                neighbour[here] = there[_nearest(some[here], known[there], 2)]
+        return self._both(poses, near, neighbour).within(self.cell.robot)
 
-    def _continued(self, poses: Poses, everywhere: bool) -> Solutions:
-        """Start from all solutions of the nearest known pose of the group, or `everywhere` of one that has any."""
-        robot, near = self.cell.robot, self.known.within(self.cell.robot, SLACK)
+    def _both(self, poses: Poses, near: Solutions, neighbour: Int[np.ndarray, "poses 2"]) -> Solutions:
+        """Solutions from those of two neighbours (-1: none)."""
+        first = self._continued(poses, near, neighbour[:, 0], None)
+        second = self._continued(poses, near, neighbour[:, 1], first)
+        pose, q = np.concatenate([first.pose, second.pose]), np.concatenate([first.q, second.q])
+        keep = distinct(self.cell.robot, pose, q)
+        return Solutions(poses, pose[keep], q[keep])
+
+    def _continued(
+        self, poses: Poses, near: Solutions, neighbour: Int[np.ndarray, " poses"], besides: Solutions | None
+    ) -> Solutions:
+        """Start from all solutions of a neighbour, but for those next to what was found `besides`."""
+        robot = self.cell.robot
         count = np.bincount(near.pose, minlength=len(near.poses))
-        neighbour = self._neighbour(poses, near.poses, np.flatnonzero(count) if everywhere else None)
         first, times = np.searchsorted(near.pose, neighbour), np.where(neighbour < 0, 0, count[neighbour])
         pose = np.repeat(np.arange(len(poses)), times)
         place = np.arange(len(pose)) - np.repeat(np.cumsum(times) - times, times)
         start = near.q[np.repeat(first, times) + place]
+        if besides is not None:
+            new = _new(robot, besides, pose, start)
+            pose, start = pose[new], start[new]
         if self.task < len(robot.joints):  # infinitely many solutions: not the same ones for all poses in one place
             start = start + WANDER * np.where(robot.prismatic, LEVER, 1.0) * self.rng.normal(size=start.shape)
         return self._solved(poses, pose, start, ITERATIONS)
 
-    def _neighbour(
-        self, poses: Poses, known: Poses, usable: Int[np.ndarray, " some"] | None
-    ) -> Int[np.ndarray, " poses"]:
-        """The nearest of the usable known poses, or if all are, of those of the same group; -1 where there is none."""
-        some, others = self._features(poses), self._features(known)
-        out = np.full(len(poses), -1)
-        if usable is not None:
-            return usable[_nearest(some, others[usable])] if len(usable) else out
-        for group in np.unique(poses.group):
-            here, there = poses.group == group, np.flatnonzero(known.group == group)
-            if len(there):
-                out[here] = there[_nearest(some[here], others[there])]
-        return out
+    def _seeded(self, poses: Poses) -> Int[np.ndarray, "poses 2"]:
+        """The nearest seeds that have solutions, in any group; -1 where there is none."""
+        usable = np.unique(self.known.pose)
+        if len(usable) < 2:
+            return np.full((len(poses), 2), -1)
+        return usable[_nearest(self._features(poses), self._features(self.known.poses.take(usable)), 2)]
 
     @property
     def task(self) -> int:
@@ -143,12 +156,31 @@ def distinct(
     return order[rank < MOST]
 
 
+def _new(
+    robot: Robot, found: Solutions, pose: Int[np.ndarray, " starts"], start: Float[np.ndarray, "starts joints"]
+) -> Bool[np.ndarray, " starts"]:
+    """Starts that are not next to a solution which their pose already has."""
+    first, behind = np.searchsorted(found.pose, pose), np.searchsorted(found.pose, pose, side="right")
+    slides, new = np.array(robot.prismatic), np.ones(len(pose), dtype=bool)
+    for k in range(int((behind - first).max(initial=0))):
+        has = np.flatnonzero(first + k < behind)
+        way = np.abs(start[has] - found.q[first[has] + k])
+        way = np.where(slides, way / LEVER, np.minimum(way, np.abs(2 * np.pi - way)))
+        new[has] &= way.max(axis=1) > BESIDE
+    return new
+
+
 def _nearest(
-    some: Float[np.ndarray, "some features"], known: Float[np.ndarray, "known features"]
-) -> Int[np.ndarray, " some"]:
-    """The nearest known point of each, by one matrix product a block."""
+    some: Float[np.ndarray, "some features"], known: Float[np.ndarray, "known features"], many: int
+) -> Int[np.ndarray, "some many"]:
+    """The nearest known points of each, by one matrix product a block."""
     middle = known.mean(axis=0)
     known, some = (known - middle).astype(np.float32), (some - middle).astype(np.float32)
     half = (known**2).sum(axis=1) / 2
-    blocks = [np.argmax(some[i : i + BLOCK] @ known.T - half, axis=1) for i in range(0, len(some), BLOCK)]
-    return np.concatenate(blocks) if blocks else np.zeros(0, dtype=int)
+    out = np.zeros((len(some), many), dtype=int)
+    for i in range(0, len(some), BLOCK):
+        near = some[i : i + BLOCK] @ known.T - half
+        for k in range(many):
+            best = out[i : i + BLOCK, k] = np.argmax(near, axis=1)
+            near[np.arange(len(near)), best] = -np.inf
+    return out

@@ -23,7 +23,7 @@ COUNT = 30_000
 ROUND = (3_000, 16_000)  # targets asked for at a time, at the least and at the most
 STRUCTURED = 0.7  # of them; the others are spread evenly
 ROUNDS = 40  # at the most
-EXPLORED = 3_000  # contacts that show what can be reached, and how uncertain the tip is there
+EXPLORED = 0.2  # of as many contacts, that show first what can be reached, and how uncertain the tip is there
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +90,9 @@ def candidates(
     """
     _require(cell)
     theta = cell.theta if theta is None else theta
-    search = _Search(
-        cell, theta, np.diag(cell.prior**2) if covariance is None else covariance, share, margin, structured, rng
-    )
+    covariance = np.diag(cell.prior**2) if covariance is None else covariance
     size = int(np.clip(2 * count, *ROUND))
+    search = _Search(cell, theta, covariance, share, margin, structured, int(EXPLORED * size), rng)
     found: list[Candidates] = []
     for _ in range(ROUNDS):
         found.append(search.round(size))
@@ -132,18 +131,20 @@ class _Search:
         covariance: Float[np.ndarray, "parameters parameters"],
         share: float,
         margin: float,
-        structured: float,
+        regular: float,
+        explored: int,
         rng: np.random.Generator,
     ) -> None:
         assert cell.jig is not None
         self.cell, self.theta, self.rng = cell, theta, rng
-        self.structured = structured
+        self.regular = regular
         self.faces = cell.jig.faces
         size = np.stack([face.size for face in self.faces])
-        explored = spread(cell, np.minimum(EDGE / size, 0.4), EXPLORED, rng)
-        self.branches = Branches(cell, theta, _poses(cell, explored), rng)
+        edge = np.minimum(EDGE / size, 0.4)
+        around = spread(cell, edge, explored // 2, rng).followed_by(structured(cell, edge, explored // 2, rng))
+        self.branches = Branches(cell, theta, _poses(cell, around), rng)
         known = self.branches.known.within(cell.robot)
-        face = explored.face[self.branches.order][known.pose]
+        face = around.face[self.branches.order][known.pose]
         kept = margins(cell, covariance, theta, face, known.q, share)
         self.inset = np.minimum(kept.inset / size, 0.5)
         self.judge = Judge(cell, theta, kept, margin)
@@ -151,7 +152,7 @@ class _Search:
 
     def round(self, size: int) -> Candidates:
         """Touches that pass, of about `size` targets."""
-        many = int(self.structured * size)
+        many = int(self.regular * size)
         wanted = spread(self.cell, self.inset, size - many, self.rng)
         if many:
             wanted = structured(self.cell, self.inset, many, self.rng).followed_by(wanted)

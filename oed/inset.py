@@ -60,14 +60,10 @@ def _root(covariance: Float[np.ndarray, "parameters parameters"]) -> Float[np.nd
 
 
 def warnings(cell: Cell, found: Margins, touched: Bool[np.ndarray, " faces"]) -> tuple[str, ...]:
-    """Sentences on faces that are too narrow, and on those that a robot as uncertain as this one may miss."""
+    """Sentences on faces that a robot as uncertain as this one may miss, and on searches that may not meet them."""
     assert cell.jig is not None
     faces, touch = cell.jig.faces, cell.touch
-    out = [
-        f"face '{face.name}' is {face.size.min():.1f} mm wide, too narrow to stay {EDGE:g} mm from its edges."
-        for face in faces
-        if face.size.min() <= 2 * EDGE
-    ]
+    out = []
     wanted = SIGMAS * np.where(touched[:, None], found.deviation, 0.0)
     if len(missed := np.flatnonzero((wanted[:, :2] > found.inset + 1e-9).any(axis=1))):
         out.append(

@@ -10,13 +10,14 @@ from jaxtyping import Bool, Float, Int
 from identify.model.cell import Cell
 from identify.model.inverse import reach, within
 from oed.clearance import CLEAR, MARGIN, Clearance
-from oed.inset import EDGE, Margins
+from oed.inset import Margins
 from oed.obstacles import owners
 from oed.torch import STICKOUT
 
 TOLERANCE = 1e-4  # [mm], how well inverse kinematics meets contact and approach
 TURN = 1.0  # [rad], most that a joint may turn between approach and contact
 ADVANCE = 0.3  # of the way that the tip should gain along the normal, the least that it does gain, all along
+BRINK = 1.0  # [mm], that the tip stays within the edges on its way, which bends a little
 WIRE = 3.0  # [mm], that the bare wire keeps from all but its own contact
 
 
@@ -26,12 +27,13 @@ class Verdict(IntEnum):
     FINE = 0
     TILT = 1
     LIMITS = 2
-    JIG = 3
-    ARM = 4
-    APPROACH = 5
-    SEARCH = 6
-    PATH = 7
-    WIRE = 8
+    EDGE = 3
+    JIG = 4
+    ARM = 5
+    APPROACH = 6
+    SEARCH = 7
+    PATH = 8
+    WIRE = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +87,12 @@ class Judge:
     def contact(
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
     ) -> Int[np.ndarray, " touches"]:
-        """Verdicts on the postures at contact alone: tilt, joint limits, clearance."""
-        _, R = self.cell.kinematics.tip(q, self.theta)
+        """Verdicts on the postures at contact alone: tilt, joint limits, edges of the face, clearance."""
+        tip, R = self.cell.kinematics.tip(q, self.theta)
         lean = -(R[:, :, 2] * self._frames[face, 2]).sum(axis=1)
         out = np.where(lean < np.cos(self.cell.touch.max_tilt) - 1e-8, Verdict.TILT, Verdict.FINE)
         out[(out == 0) & ~within(self.cell.robot, q)] = Verdict.LIMITS
+        out[(out == 0) & ~self._inside(face, tip, self.margins.inset[face] - TOLERANCE)] = Verdict.EDGE
         return self._clear(face, q, out)
 
     def approach(
@@ -138,16 +141,24 @@ class Judge:
         self, face: Int[np.ndarray, " touches"], tips: list[np.ndarray], room: Float[np.ndarray, " touches"]
     ) -> Bool[np.ndarray, " touches"]:
         """Whether the tip stays over its face and goes down all the time."""
+        height = [(p * self._frames[face, 2]).sum(axis=1) for p in tips]
+        half = np.full(len(face), 0.5)
+        ok = np.logical_and.reduce([self._inside(face, p, np.full((len(face), 2), BRINK)) for p in tips])
+        for a, b, share in zip(height[:-1], height[1:], (half, half, (room - 1) / 2, (room - 1) / 2), strict=True):
+            ok &= a - b >= ADVANCE * share * self.cell.touch.approach
+        return np.asarray(ok)
+
+    def _inside(
+        self,
+        face: Int[np.ndarray, " touches"],
+        p: Float[np.ndarray, "touches 3"],
+        inset: Float[np.ndarray, "touches 2"],
+    ) -> Bool[np.ndarray, " touches"]:
+        """Whether points lie over their faces, so far from the edges along u and v [mm]."""
         assert self.cell.jig is not None
         origin, size = (np.stack([getattr(f, key) for f in self.cell.jig.faces])[face] for key in ("origin", "size"))
-        local = [np.einsum("mij,mj->mi", self._frames[face], p - origin) for p in tips]
-        ok = np.ones(len(face), dtype=bool)
-        for p in local:
-            ok &= ((p[:, :2] >= EDGE - 1e-6) & (p[:, :2] <= size - EDGE + 1e-6)).all(axis=1)
-        half = np.full(len(face), 0.5)
-        for a, b, share in zip(local[:-1], local[1:], (half, half, (room - 1) / 2, (room - 1) / 2), strict=True):
-            ok &= a[:, 2] - b[:, 2] >= ADVANCE * share * self.cell.touch.approach
-        return ok
+        place = np.einsum("mij,mj->mi", self._frames[face, :2], p - origin)
+        return np.asarray(((place >= inset) & (place <= size - inset)).all(axis=1))
 
     def _wire(
         self,

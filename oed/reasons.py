@@ -11,6 +11,7 @@ STARTS = 60  # postures tried for a face that was never reached
 FAILURES = {
     Verdict.TILT: "lean too far",
     Verdict.LIMITS: "lie beyond the joint limits",
+    Verdict.EDGE: "touch too near to an edge",
     Verdict.JIG: "bring arm or torch too near to the jig or the table",
     Verdict.ARM: "bring arm and torch too near to each other",
     Verdict.APPROACH: "have no approach before them",
