@@ -69,6 +69,33 @@ def optimal(offered: Offer, n: int, aim: Aim) -> Pick:
     return pick
 
 
+def robust(offered: Offer, n: int, models: Float[np.ndarray, "models parameters"], zone: bool, worst: bool) -> Pick:
+    """Choose what is best over several robots: by the mean of the criterion over them, or with `worst` by the least.
+
+    The criterion is the mean tip variance of each in the `zone`, or else its log det.
+    """
+    P, plain = offered.known.precision, Aim()
+    aims = [Aim(mean_square(offered.known.tip_rows(offered.zone, theta))) if zone else plain for theta in models]
+    all_rows = np.stack([offered.rows_at(theta) for theta in models])
+
+    def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
+        some = np.flatnonzero(allowed)
+        start = some[greedy(offered.rows[some], P, n, aims[0])] if before is None else before
+        worth = np.zeros(len(some))
+        for F, aim in zip(all_rows, aims, strict=True):
+            worth += aim.gains(F[some], np.linalg.inv(P + F[start].T @ F[start]))
+        pool = some[np.argsort(-worth, kind="stable")[: POOL // 2]]
+        pool = np.concatenate([start, np.setdiff1d(pool, start)])
+        return pool[swapped(all_rows[:, pool], P, np.arange(n), aims, allowed=allowed[pool], worst=worst)]
+
+    return pick
+
+
+def mean_square(tip: Float[np.ndarray, "poses 3 kept"]) -> Float[np.ndarray, "kept kept"]:
+    """B with which tr(B C) is the mean tip variance."""
+    return np.einsum("pik,pil->kl", tip, tip, optimize=True) / len(tip)
+
+
 def greedy(
     F: Float[np.ndarray, "rows kept"], M: Float[np.ndarray, "kept kept"], n: int, aim: Aim
 ) -> Int[np.ndarray, " n"]:

@@ -28,6 +28,7 @@ class Knowledge:
         np.ndarray, "kept kept"
     ]  # what the estimator assumes before the first touch, in the whitened basis
     spread: Float[np.ndarray, "kept kept"]  # covariance of what the kept parameters have to explain, whitened
+    deviation: Float[np.ndarray, "parameters parameters"]  # covariance of all parameters [mm, rad]
 
     @cached_property
     def kept(self) -> list[int]:
@@ -69,19 +70,30 @@ class Knowledge:
         """Covariance of the whitened parameters after touches, as the estimator (MAP) sees it."""
         return np.linalg.inv(self.precision + rows.T @ rows)
 
-    def error(self, rows: Float[np.ndarray, "touches kept"], faces: Sequence[str]) -> Float[np.ndarray, "kept kept"]:
-        """Covariance of the estimator's error after touches on named faces.
+    def error(
+        self, rows: Float[np.ndarray, "touches kept"], faces: Sequence[str], times: float = 1.0
+    ) -> Float[np.ndarray, "kept kept"]:
+        """Covariance of the estimator's error after touches on named faces, each made so many `times`.
 
         The estimator takes every touch for independent and the eliminated parameters for nominal. But all touches on a
         face share what the face is off by, and what eliminated parameters are off by falls to those that carry them.
+        With infinitely many only the faces remain.
         """
-        C = self.covariance(rows)
         tolerance, sigma = face_tolerance(self.cell, faces), touch_sigma(self.cell, faces)
         own = rows * (self.cell.touch.sigma / sigma)[:, None]
-        shared = np.zeros((len(set(faces)), len(C)))
+        shared = np.zeros((len(set(faces)), rows.shape[1]))
         np.add.at(shared, np.unique(faces, return_inverse=True)[1], rows * (tolerance / sigma)[:, None])
-        noise = own.T @ own + shared.T @ shared
-        return C @ (noise + self.precision @ self.spread @ self.precision) @ C
+        once = max(1 / times, 1e-9)  # of the precision, beside that of the touches
+        C = np.linalg.inv(once * self.precision + rows.T @ rows)
+        bias = once**2 * self.precision @ self.spread @ self.precision
+        return C @ (once * own.T @ own + shared.T @ shared + bias) @ C
+
+
+def drawn(known: Knowledge, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count parameters"]:
+    """Parameters of robots that what is known leaves possible [mm, rad]."""
+    value, vector = np.linalg.eigh(known.deviation)
+    root = vector * np.sqrt(np.maximum(value, 0.0))
+    return known.theta + rng.standard_normal((count, len(root))) @ root.T
 
 
 def nominal_knowledge(cell: Cell) -> Knowledge:
@@ -95,7 +107,8 @@ def nominal_knowledge(cell: Cell) -> Knowledge:
     found = structure(cell)
     names = tuple(cell.robot.parameters[i] for i in found.kept)
     known = (cell.scale / cell.prior)[list(found.kept)]
-    return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found))
+    deviation = np.where([name in cell.fixed for name in found.names], 0.0, cell.prior)
+    return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found), np.diag(deviation**2))
 
 
 def _spread(cell: Cell, found: Identifiability) -> Float[np.ndarray, "kept kept"]:
@@ -120,7 +133,9 @@ def knowledge_after(cell: Cell, calibration: Calibration) -> Knowledge:
     scale = cell.scale[calibration.index]
     precision = np.linalg.inv(calibration.covariance / np.outer(scale, scale))
     precision = (precision + precision.T) / 2
-    return Knowledge(cell, calibration.theta, calibration.estimated, precision, np.linalg.inv(precision))
+    deviation = np.zeros((len(names), len(names)))
+    deviation[np.ix_(calibration.index, calibration.index)] = calibration.covariance
+    return Knowledge(cell, calibration.theta, calibration.estimated, precision, np.linalg.inv(precision), deviation)
 
 
 def touch_sigma(cell: Cell, faces: Sequence[str]) -> Float[np.ndarray, " touches"]:

@@ -57,11 +57,11 @@ class Offer:
         """Which ways between postures are clear."""
         return Ways(self.judge.clearance)
 
-    def promise(self, touches: Candidates) -> Promise:
-        """The tip error to expect in the zone after some touches."""
+    def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
+        """The tip error to expect in the zone after some touches, each made so many `times`."""
         names = touches.names()
         rows = self.known.rows(touches.q, touches.normal, touch_sigma(self.known.cell, names))
-        return promise(self.tip, self.known.error(rows, names))
+        return promise(self.tip, self.known.error(rows, names, times))
 
 
 def offer(
@@ -73,13 +73,11 @@ def offer(
     structured: bool = True,
 ) -> Offer:
     """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly."""
-    if after is None:
-        known, covariance = nominal_knowledge(cell), None
-    else:
+    if after is not None:
         cell = _placed(cell, after)
-        known, covariance = knowledge_after(cell, after), _covariance(after)
+    known = nominal_knowledge(cell) if after is None else knowledge_after(cell, after)
     options = ({} if count is None else {"count": count}) | ({} if structured else {"structured": 0.0})
-    return Offer(known, candidates(cell, rng, theta=known.theta, covariance=covariance, **options))  # type: ignore[arg-type]
+    return Offer(known, candidates(cell, rng, theta=known.theta, covariance=known.deviation, **options))  # type: ignore[arg-type]
 
 
 def _placed(cell: Cell, after: Calibration) -> Cell:
@@ -87,13 +85,6 @@ def _placed(cell: Cell, after: Calibration) -> Cell:
     base = after.theta[:6] if cell.base is None else cell.base
     tool = after.theta[-6:] if cell.tool is None else cell.tool
     return replace(cell, base=base, tool=tool)
-
-
-def _covariance(after: Calibration) -> Float[np.ndarray, "parameters parameters"]:
-    """Covariance of all parameters after a calibration; 0 where a parameter was not estimated."""
-    covariance = np.zeros((len(after.theta), len(after.theta)))
-    covariance[np.ix_(after.index, after.index)] = after.covariance
-    return covariance
 
 
 def plan_of(touches: Candidates, order: Int[np.ndarray, " touches"] | None = None) -> Plan:

@@ -106,7 +106,8 @@ def promise(tip_rows: Float[np.ndarray, "poses 3 kept"], covariance: Float[np.nd
     the integral.
     """
     variance = np.einsum("pik,kl,pil->p", tip_rows, covariance, tip_rows, optimize=True)
-    root = np.linalg.cholesky(covariance)
+    value, vector = np.linalg.eigh(covariance)  # it may be singular
+    root = vector * np.sqrt(np.maximum(value, 0.0))
     draws = root @ np.random.default_rng(0).standard_normal((len(root), DRAWS))
     error = np.linalg.norm(np.einsum("pik,kd->pdi", tip_rows, draws, optimize=True), axis=2)
     return Promise(float(np.sqrt(variance.mean())), float(np.percentile(error, 95)))
