@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -114,6 +115,7 @@ def tip_transform(
     return T
 
 
+@lru_cache(maxsize=8)
 def allowed_change(calibration: Calibration, fixed_to: Hold = "jig") -> float:
     """The joint change [rad] beyond which a target is left alone: three degrees, or three times what is usual.
 

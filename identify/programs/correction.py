@@ -1,0 +1,146 @@
+"""From positions of a program to positions that bring the identified robot there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identify.compensation import Compensation, believed, compensate, tip_transform
+from identify.model.calibration import Calibration
+from identify.model.frames import inverse, pose, transform
+from identify.model.inverse import within
+from identify.programs.orientation import euler_near, from_euler, from_quaternion, quaternion_near
+from identify.programs.places import Place, places
+from identify.programs.posture import Chooser, Fits
+from identify.programs.records import Maker, Postures, Record
+from identify.programs.setup import Setup, joint_map
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """What becomes of one position."""
+
+    record: Record
+    values: Float[np.ndarray, " numbers"] | None = None  # in the record's order and units; None: left alone
+    shift: float = 0.0  # [mm] between the poses commanded before and after
+    why: str = ""  # why it is left alone
+    notes: tuple[str, ...] = ()
+
+
+def correct(calibration: Calibration, records: Sequence[Record], maker: Maker, setup: Setup) -> list[Corrected]:
+    """What becomes of positions of one maker's program, in their order."""
+    work = _Work(calibration, maker, setup)
+    cartesian = [i for i, record in enumerate(records) if record.kind != "joints"]
+    joints = [i for i, record in enumerate(records) if record.kind == "joints"]
+    done = dict(zip(cartesian, work.poses([records[i] for i in cartesian]), strict=True))
+    done |= dict(zip(joints, work.joints([records[i] for i in joints]), strict=True))
+    return [done[i] for i in range(len(records))]
+
+
+def frame_T_tool(record: Record, values: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, "4 4"]:
+    """The pose that numbers of a record say [mm]."""
+    T = np.eye(4)
+    T[:3, 3] = values[:3]
+    T[:3, :3] = from_euler(values[3:]) if record.kind == "euler" else from_quaternion(values[3:])
+    return T
+
+
+class _Work:
+    """A calibration, and how a maker counts its robot's joints."""
+
+    def __init__(self, calibration: Calibration, maker: Maker, setup: Setup) -> None:
+        self.calibration, self.maker, self.setup = calibration, maker, setup
+        self.theta, self.robot = believed(calibration), calibration.cell.robot
+        self.map = joint_map(self.robot, setup, maker.coupled)
+        self.chooser = Chooser(calibration.cell.kinematics, self.theta, self.map)
+
+    def poses(self, records: Sequence[Record]) -> list[Corrected]:
+        """Positions in space."""
+        where = places(records, self.setup, transform(self.theta[-6:]))
+        left = [record.left or place.why for record, place in zip(records, where, strict=True)]
+        usable = [i for i, why in enumerate(left) if not why]
+        done = dict(zip(usable, self._poses([records[i] for i in usable], [where[i] for i in usable]), strict=True))
+        return [done.get(i) or Corrected(record, why=left[i]) for i, record in enumerate(records)]
+
+    def _poses(self, records: Sequence[Record], where: Sequence[Place]) -> list[Corrected]:
+        if not records:
+            return []
+        pairs = list(zip(records, where, strict=True))
+        wanted = np.array([place.base_T_tip(frame_T_tool(record, record.values)) for record, place in pairs])
+        q, fitting, any_ = self.chooser.choose(
+            transform(self.theta[:6]) @ wanted, [self._fits(record.flags) for record in records], self.setup.near
+        )
+        result = self._compensate(wanted, q)
+        found = zip(records, fitting, any_, result.q, result.why, strict=True)
+        why = [_posture_why(ok, some) or self._flags_why(record, to, reason) for record, ok, some, to, reason in found]
+        command = transform(result.command)
+        return [
+            Corrected(record, why=why[i]) if why[i] else self._moved(record, place, wanted[i], command[i], result.q[i])
+            for i, (record, place) in enumerate(pairs)
+        ]
+
+    def _moved(self, record: Record, place: Place, before: np.ndarray, after: np.ndarray, q: np.ndarray) -> Corrected:
+        """A position corrected."""
+        T = place.frame_T_tool(after)
+        near = euler_near if record.kind == "euler" else quaternion_near
+        values = np.concatenate([T[:3, 3], near(T[:3, :3], record.values[3:])])
+        notes = place.taken if self._still_fits(record, q) else (*place.taken, f"{record.name}: {_CROSSED}")
+        return Corrected(record, values, float(np.linalg.norm(after[:3, 3] - before[:3, 3])), notes=notes)
+
+    def joints(self, records: Sequence[Record]) -> list[Corrected]:
+        """Positions of the joints."""
+        count = len(self.robot.joints)
+        left = [record.left or _count_why(record, count) for record in records]
+        usable = [i for i, why in enumerate(left) if not why]
+        if not usable:
+            return [Corrected(record, why=why) for record, why in zip(records, left, strict=True)]
+        scale = np.array([np.ones(count) if records[i].per_degree is None else records[i].per_degree for i in usable])
+        q = self.map.model(np.array([records[i].values for i in usable]) / scale)
+        T = inverse(transform(self.theta[:6])) @ tip_transform(self.calibration, q, self.theta)
+        result = self._compensate(T, q)
+        values, inside = self.map.maker(result.q) * scale, within(self.robot, q)
+        shift = np.linalg.norm(result.command[:, :3] - T[:, :3, 3], axis=1)
+        done = dict[int, Corrected]()
+        for k, i in enumerate(usable):
+            why = result.why[k] if inside[k] else "joint limit: it stands beyond the limits of the model"
+            done[i] = Corrected(records[i], why=why) if why else Corrected(records[i], values[k], float(shift[k]))
+        return [done.get(i) or Corrected(record, why=left[i]) for i, record in enumerate(records)]
+
+    def _compensate(self, base_T_tip: np.ndarray, q: np.ndarray) -> Compensation:
+        return compensate(
+            self.calibration, pose(base_T_tip), frame="base", fixed_to=self.setup.fixed_to, near=np.nan_to_num(q)
+        )
+
+    def _fits(self, flags: Any) -> Fits:
+        return _all if flags is None or self.setup.posture == "nearest" else partial(self.maker.fits, flags)
+
+    def _still_fits(self, record: Record, q: Float[np.ndarray, " joints"]) -> bool:
+        return bool(self._fits(record.flags)(self.chooser.postures(q[None]))[0])
+
+    def _flags_why(self, record: Record, q: Float[np.ndarray, " joints"], reason: str) -> str:
+        """Why a position that can be reached is left alone all the same."""
+        if reason or not self.maker.binding or self._still_fits(record, q):
+            return reason
+        return f"posture: {_CROSSED}"
+
+
+_CROSSED = "corrected, its joints are not those that its posture flags describe"
+
+
+def _posture_why(fitting: bool, any_: bool) -> str:
+    if not any_:
+        return "out of reach: the nominal robot has no solution within its limits; are frame and tool right?"
+    cure = "are signs and zeros of the joints those of the program? posture: nearest leaves the flags aside"
+    return "" if fitting else f"posture: no solution of the nominal robot is as the flags say; {cure}"
+
+
+def _count_why(record: Record, count: int) -> str:
+    found = len(record.numbers)
+    return "" if found == count else f"joints: it has {found}, the robot of the calibration {count}"
+
+
+def _all(postures: Postures) -> Bool[np.ndarray, " solutions"]:
+    return np.ones(len(postures.degrees), dtype=bool)

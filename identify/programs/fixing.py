@@ -1,0 +1,95 @@
+"""Correct programs: every position with a known frame and posture, in place, and a list of what was left alone."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import unified_diff
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.calibration import Calibration
+from identify.programs.correction import Corrected, correct
+from identify.programs.makers import maker_of
+from identify.programs.records import Found, Maker, Mention
+from identify.programs.setup import Setup
+from identify.programs.source import Source, source_of
+from identify.programs.writing import faithful, replaced, replacements, skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Fixed:
+    """A program before and after."""
+
+    name: str
+    before: bytes
+    after: bytes
+    shift: Float[np.ndarray, " corrected"]  # [mm], of the positions corrected
+    left: tuple[Mention, ...]  # positions that stayed as they were, and why
+    mentions: tuple[Mention, ...]  # what else a reader should know
+
+    @cached_property
+    def diff(self) -> bytes:
+        """The change as a unified diff, in the bytes of the program."""
+        old, new = (text.decode("latin-1").splitlines(keepends=True) for text in (self.before, self.after))
+        lines = unified_diff(old, new, f"a/{self.name}", f"b/{self.name}")
+        return "".join(line if line.endswith(("\n", "\r")) else line + "\n" for line in lines).encode("latin-1")
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """How many positions were left alone, by what stands before the first colon of the reason."""
+        return dict(Counter(mention.why.split(":")[0] for mention in self.left).most_common())
+
+
+class NotFaithful(RuntimeError):
+    """What was to be written does not read back as it should: a mistake of touchcal, and nothing is written."""
+
+
+def fix(calibration: Calibration, programs: Mapping[str, bytes], setup: Setup | None = None) -> list[Fixed]:
+    """Programs whose positions bring the identified robot where they said; `programs` are bytes by file name.
+
+    All programs are read before any is corrected; a broken one raises InputError with line and column. What comes out
+    is read again: the same positions must stand there, and nothing but their numbers may have changed.
+    """
+    setup = Setup() if setup is None else setup
+    sources = {name: source_of(name, content) for name, content in programs.items()}
+    found = _find(sources, setup)
+    done = {name: correct(calibration, found[name].records, maker_of(name), setup) for name in sources}
+    texts = {name: Source(name, _corrected(source, done[name], maker_of(name))) for name, source in sources.items()}
+    again = _find(texts, setup)
+    for name in sources:
+        _check(sources[name], texts[name], done[name], found[name], again[name], maker_of(name))
+    return [_fixed(sources[name], texts[name], done[name], found[name]) for name in sources]
+
+
+def _find(sources: Mapping[str, Source], setup: Setup) -> dict[str, Found]:
+    """The positions of all programs; those of one maker are read together, for they declare things for one another."""
+    found, together = dict[str, Found](), dict[str, list[str]]()
+    for name in sources:
+        together.setdefault(maker_of(name).name, []).append(name)
+    for names in together.values():
+        read: Sequence[Found] = maker_of(names[0]).find([sources[name] for name in names], setup)
+        found |= dict(zip(names, read, strict=True))
+    return found
+
+
+def _corrected(source: Source, done: Sequence[Corrected], maker: Maker) -> str:
+    return replaced(source.text, [change for one in done for change in replacements(one, maker)])
+
+
+def _check(before: Source, after: Source, done: Sequence[Corrected], found: Found, again: Found, maker: Maker) -> None:
+    """Raise NotFaithful where the corrected program is not the old one with other numbers."""
+    same = skeleton(before.text, found.records) == skeleton(after.text, again.records)
+    if not same or not all(faithful(one, record, maker) for one, record in zip(done, again.records, strict=True)):
+        raise NotFaithful(f"{before.name}: the corrected program does not read back as it should; nothing was written")
+
+
+def _fixed(before: Source, after: Source, done: Sequence[Corrected], found: Found) -> Fixed:
+    left = tuple(Mention(before.name, one.record.line, one.record.name, one.why) for one in done if one.why)
+    notes = dict.fromkeys(note for one in done for note in one.notes)
+    return Fixed(
+        before.name, before.text.encode("latin-1"), after.text.encode("latin-1"),
+        np.array([one.shift for one in done if one.values is not None]), left,
+        (*found.mentions, *(Mention(before.name, 0, "", note) for note in notes)),
+    )  # fmt: skip
