@@ -12,7 +12,7 @@ from identify.model.robot import Robot
 
 STARTS = 24  # random ones for each of the first poses: 98 of 100 solutions of a 6-axis arm are found by so many
 SEEDS, KNOWN = 300, 3000  # poses that get them, and poses whose solutions are kept as starts for all others
-SLACK = 0.5  # [rad] or [LEVER mm] beyond the joint limits, for a start whose solution may lie within
+SLACK = 0.2  # [rad] or [LEVER mm] beyond the joint limits, for a start whose solution may lie within
 MOST = 16  # solutions kept of a pose: a 6-axis arm has no more, a redundant one has infinitely many
 WANDER = 0.3  # [rad] or [LEVER mm], 1 sigma of the way off from known solutions, where solutions fill a curve
 BESIDE = 0.8  # [rad] or [LEVER mm]: a start that near to a solution leads to it
