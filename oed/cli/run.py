@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -85,7 +85,8 @@ def run(
     transcript
         Write what goes over the line, with times.
     truth
-        With port sim: what the virtual robot truly is, a file or library:arc-welder.
+        With port sim: what the virtual robot truly is, a file or library:arc-welder; drawn from the priors where the
+        library knows none of that name.
     time_scale
         With a virtual cell: how many times faster than real time it runs.
     """
@@ -105,21 +106,21 @@ def run(
     spoken = protocol or described.controller.protocol
     screen = Screen(silent=json)
     with _port(where, spoken, described, truth, time_scale) as url:
-        if dry_run:
-            with screen:
-                controller = open_controller(url, spoken, described.robot, **line | ({"home": True} if home else {}))
-                finished = rehearse(planned, controller, described, settings, tell=screen.tell, clock=clock)
-        else:
-            with Session(output, described, planned, resume=resume, clock=clock) as session:
-                controller = open_controller(url, spoken, described.robot, **line | ({"home": True} if home else {}))
-                try:
-                    with screen:
-                        finished = make_touches(planned, controller, session, settings, tell=screen.tell, clock=clock)
-                except KeyboardInterrupt:
-                    _after_stop(controller, session, settings, clock)
-                    return 130
-                finally:
-                    controller.close()
+        controller = open_controller(url, spoken, described.robot, **line | ({"home": True} if home else {}))
+        with closing(controller):
+            if dry_run:
+                with screen:
+                    finished = rehearse(planned, controller, described, settings, tell=screen.tell, clock=clock)
+            else:
+                with Session(output, described, planned, resume=resume, clock=clock) as session:
+                    try:
+                        with screen:
+                            finished = make_touches(
+                                planned, controller, session, settings, tell=screen.tell, clock=clock
+                            )
+                    except KeyboardInterrupt:
+                        _after_stop(controller, session, settings, clock)
+                        return 130
     _tell(finished, output, dry_run, json)
     return 0
 
@@ -153,8 +154,10 @@ def _port(where: str, protocol: str, cell: Cell, truth: str | None, speed: float
         return
     from probe.virtual.command import choose_truth
     from probe.virtual.server import serve
+    from probe.virtual.truth import LIBRARY, truths
 
     if protocol not in ("line", "grbl"):
         raise InputError(f"port sim speaks line or grbl, not {protocol}; name the port of the {protocol} controller")
-    with serve(cell, choose_truth(cell, truth, 0), protocol=protocol, speed=speed) as served:
+    known = f"{LIBRARY}{cell.robot.name}" if cell.robot.name in truths() else None
+    with serve(cell, choose_truth(cell, truth or known, 0), protocol=protocol, speed=speed) as served:
         yield served.url
