@@ -5,7 +5,8 @@ it is first greeted (the boot: a restart forgets it), and those of the last comm
 that starts a search also spoils #5070, so that a search that never ran cannot pass off the latch of an earlier one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TypeVar
 
 import numpy as np
@@ -81,7 +82,8 @@ class LinuxCNC:
                 return self._patiently(self._standing)
             if not (retracts and code_of(messages, "") == "EARLY"):
                 break
-        raise self._machine.refusal(messages, "EARLY" if self._patiently(self._machine.touching) else "NOTREACHED")
+        touching = self._patiently(self._machine.touching)
+        raise self._machine.refusal(messages, "EARLY" if touching and not retracts else _halted(messages))
 
     def search(self, q: Float[np.ndarray, " joints"], rate: float) -> Contact | NoContact:
         """Move straight towards `q` until the wire touches."""
@@ -92,7 +94,7 @@ class LinuxCNC:
         if report is not None and report.tripped == 1:
             return Contact(self._inside(report.latched), stop, report.boot, report.search)
         if not self._patiently(lambda: self._at(q)):
-            raise self._machine.refusal(messages, "STOPPED" if report and report.tripped == 0 else "NOTREACHED")
+            raise self._machine.refusal(messages, _halted(messages))
         return NoContact(stop)
 
     def latch(self) -> Latch | None:
@@ -181,7 +183,8 @@ class LinuxCNC:
         machine, moving = self._machine, self._machine.moving()
         unhomed = self._unhomed()
         if not (self._counted or moving or unhomed) and machine.switched_on():
-            self._adopt()
+            with suppress(Refused):  # the state is told all the same
+                self._adopt()
         return State(self._boot, moving, machine.touching(), self._standing(), self._last, not unhomed)
 
     def _unhomed(self) -> list[int]:
@@ -235,3 +238,8 @@ class LinuxCNC:
             f"the {self.name} has started anew, or lost its home: its position is not trusted any more; check that it "
             "is homed and shows where the robot stands, then go on with --resume --trust-position"
         )
+
+
+def _halted(messages: Sequence[str]) -> str:
+    """Why a motion ended on its way: LinuxCNC says nothing of an abort."""
+    return "NOTREACHED" if messages else "STOPPED"

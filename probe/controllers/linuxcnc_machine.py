@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Float
 
 from probe.clock import Clock
-from probe.controller import LinkLost, Refused
+from probe.controller import LinkLost, Refused, TouchError
 from probe.controllers.linuxcnc_mdi import BOOT, LAST, REPORTED, SEARCH, TRIPPED, Report, code_of, read_report
 from probe.controllers.linuxcncrsh import Shell
 
-POLL = 0.01  # [s]
+POLL = 0.02  # [s]
 SETTLED = 0.04  # [s] without a change of position: LinuxCNC's task looks every 1 to 10 ms
-STALLED = 10.0  # [s] without one while a motion should run: a feed hold, or an override of 0
+STALLED = 5.0  # [s] between two looks at whether a motion goes on: a feed hold, or an override of 0
 SHOWN = 1.0  # [s] before a question to the parameters is asked again: another screen may have taken the answer
 ASKED = 20.0  # [s] before such questions are given up
 HOMING = 180.0  # [s]
@@ -109,9 +109,8 @@ class Machine:
                 if text.startswith(tag):
                     return [float("nan") if "#" in word else float(word) for word in text.split()[2:]]
                 self._clock.sleep(POLL)
-        raise LinkLost(
-            f"LinuxCNC at {self.shell.transport.url} does not show its parameters; does another screen take its "
-            "messages? close that screen"
+        raise TouchError(
+            "LinuxCNC does not show its parameters; does another screen take its messages? close that screen"
         )
 
     def refusal(self, messages: Sequence[str], otherwise: str) -> Refused:
@@ -121,11 +120,11 @@ class Machine:
 
     def _rests(self) -> bool:
         """Wait until nothing moves; False where a line of G-code runs on, but nothing moves."""
-        last, since = np.empty(0), self._clock.now()
-        while True:
-            running, at, now = self.running(), self.commanded(), self._clock.now()
-            if not np.array_equal(at, last):
-                last, since = at, now
-            if now - since > (STALLED if running else SETTLED):
-                return not running
+        looked, at = self._clock.now(), self.commanded()
+        while self.running() or self.moving():
             self._clock.sleep(POLL)
+            if self._clock.now() - looked > STALLED:
+                if np.array_equal(at, at := self.commanded()):
+                    return False
+                looked = self._clock.now()
+        return True

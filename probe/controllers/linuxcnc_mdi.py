@@ -10,7 +10,7 @@ AXES = "XYZABC"
 BOOT, LAST, SEARCH, TRIPPED = "#<_touchcal_boot>", "#<_touchcal_last>", "#<_touchcal_search>", "#5070"
 REPORTED = " ".join([BOOT, LAST, SEARCH, TRIPPED, *(f"#{first + i}" for first in (5061, 5420) for i in range(6))])
 RESOLUTION = 5e-7  # [deg] or [mm]: LinuxCNC tells and takes six decimals
-SLOWEST = 1e-3  # [deg] or [mm]: XYZ ways shorter than this cannot carry a feed, see motion_words
+SLOWEST = 1e-3  # [deg] or [mm]: ways shorter than this cannot carry a feed, see motion_words
 CODES = {  # a piece of LinuxCNC's own messages, and the code of ours that it means
     "limit": "LIMIT",
     "homed": "UNHOMED",
@@ -38,7 +38,7 @@ def read_report(values: Sequence[float]) -> Report:
 
 
 def motion_words(start: Float[np.ndarray, " joints"], target: Float[np.ndarray, " joints"], seconds: float) -> str:
-    """Axis words and a feed that take so long from `start` to `target` [deg or mm]; empty where nothing moves.
+    """Axis words and a feed that take so long from `start` to `target` [deg or mm]; empty where hardly anything moves.
 
     LinuxCNC counts the feed along X, Y and Z alone, and along A, B and C where none of those moves. A motion whose XYZ
     way is all but zero would therefore run as fast as the machine can, if that way were off by its own size: such words
@@ -47,9 +47,11 @@ def motion_words(start: Float[np.ndarray, " joints"], target: Float[np.ndarray, 
     way = np.where(np.abs(target - start) > RESOLUTION, target - start, 0.0)
     if np.linalg.norm(way[:3]) < SLOWEST:
         way[:3] = 0.0
-    counted = float(np.linalg.norm(way[:3]) or np.linalg.norm(way[3:]))
+    length = float(np.linalg.norm(way[:3]) or np.linalg.norm(way[3:]))
+    if length < SLOWEST:
+        return ""
     words = [f"{axis}{value:.6f}" for axis, value, moves in zip(AXES, target, way, strict=False) if moves]
-    return f"{' '.join(words)} F{60 * counted / seconds:.9f}" if words else ""
+    return f"{' '.join(words)} F{60 * length / seconds:.9f}"
 
 
 def code_of(messages: Sequence[str], otherwise: str) -> str:

@@ -4,7 +4,7 @@ import re
 import secrets
 
 from probe.clock import Clock
-from probe.controller import LinkLost
+from probe.controller import LinkLost, TouchError
 from probe.transcript import Transport
 
 ENDS = re.compile(rb"[\r\n]+")  # it ends lines with CR LF, with LF CR, and with both
@@ -24,16 +24,16 @@ class Shell:
         self._in_step = False
 
     def greet(self) -> None:
-        """Say hello and take control; raises LinkLost where nobody answers, or somebody else."""
+        """Say hello and take control; raises LinkLost where nobody answers, TouchError where we are not let in."""
         password, enable = self._passwords
         self._rest, self._heard, self._in_step = b"", [], False
         self._send(f"hello {password} touchcal 1")
         if self._until(r"HELLO (ACK|NAK).*", "is linuxcncrsh running?")[1] == "NAK":
-            raise LinkLost(f"linuxcncrsh at {self.transport.url} does not take the password '{password}'")
+            raise TouchError(f"linuxcncrsh does not take the password '{password}'; start it with its usual ones")
         for request in ("echo off", f"enable {enable}", "verbose on"):  # each without an answer until all are heard
             self._send(f"set {request}")
         if not self.set("set_wait received"):
-            raise LinkLost(f"linuxcncrsh at {self.transport.url} does not take the enabling password '{enable}'")
+            raise TouchError(f"linuxcncrsh does not take the password '{enable}'; start it with its usual ones")
 
     def get(self, name: str) -> str:
         """A value of LinuxCNC; raises LinkLost."""
