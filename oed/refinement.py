@@ -11,10 +11,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from identify.model.inverse import reach
-from identify.model.kinematics import AXIS, ONE, POINT, ZERO, jig_T_tip, symbols
+from identify.model.kinematics import jig_T_tip, symbols
 from oed.candidates import COLUMNS, Candidates
 from oed.information import Knowledge, touch_sigma
 from oed.judgement import Judge, Verdict
@@ -22,8 +22,9 @@ from oed.judgement import Judge, Verdict
 SHARES = np.array([1.0, 0.6, 0.3, 0.1])  # of a move, tried in turn where the whole of it cannot be made
 FAR = 0.6  # [rad], most that a joint turns in one move; times LEVER mm where it slides
 LEVER = 300.0  # [mm]
+HAIR = 1e-6  # [rad] or [mm] that solutions keep from limits, for rounding
 APART = 5.0, np.radians(3.0)  # [mm] and [rad]: touches nearer than both would be the same touch again
-ENOUGH = 1e-4  # of the criterion's logarithm that a sweep has to gain for another to follow
+ENOUGH = 2e-3  # of the criterion's logarithm that a sweep has to gain for another to follow
 OPTIONS: dict[str, Any] = {
     "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.max_iter": 40, "ipopt.tol": 1e-5,
     "ipopt.acceptable_tol": 1e-3, "ipopt.acceptable_iter": 3, "ipopt.mu_init": 1e-3, "ipopt.bound_push": 1e-4,
@@ -43,91 +44,136 @@ class Refinement:
 
     @cached_property
     def solver(self) -> ca.Function:
-        """Ipopt on max f'Wf / (1 + f'Cf) over q, exact second derivatives, compiled once for all touches and faces."""
-        robot, wire, k = self.known.cell.robot, self.known.cell.wire, len(self.known.names)
+        """Ipopt on max f'Wf / (1 + f'Cf), exact second derivatives, compiled once for all touches and faces.
+
+        The unknowns are the postures at contact and at approach, so that joint limits hold from the approach to the end
+        of the search.
+        """
+        robot, k = self.known.cell.robot, len(self.known.names)
         q, theta = symbols(robot)
-        n, origin, u, v, sigma = (ca.SX.sym(name, size) for name, size in zip("nouvs", (3, 3, 3, 3, 1), strict=True))
+        above = ca.SX.sym("above", q.shape[0])
+        n, origin, u, v, sigma, room = (ca.SX.sym(s, m) for s, m in zip("nouvsr", (3, 3, 3, 3, 1, 1), strict=True))
         C, W = ca.SX.sym("C", k, k), ca.SX.sym("W", k, k)
-        tip, axis = (jig_T_tip(robot, q, theta, M, w) for M, w in ((POINT, ONE), (AXIS, ZERO)))
-        lean = ca.dot(n, axis)
-        height = ca.dot(n, tip - origin) - (wire.radius if wire.shape == "ball" else 0.0)
-        if wire.shape == "flat":
-            height -= wire.radius * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))  # as in the model of a touch
+        tip, R = self._pose(q, theta)
+        lean = ca.dot(n, R[:, 2])
+        height = self._height(ca.dot(n, tip - origin), lean)
         f = ca.gradient(height, theta)[self.known.kept] * self.known.scale / sigma
         place = [ca.dot(tip - origin, side) / ca.dot(side, side) for side in (u, v)]
-        f, g = ca.substitute([f, ca.vertcat(height, *place, -lean)], [theta], [ca.SX(self.known.theta)])
+        held = self._held(tip, R, *self._pose(above, theta), self.known.cell.touch.approach * n)
+        g = ca.vertcat(height, *place, -lean, *held, above + room * (q - above))
+        f, g = ca.substitute([f, g], [theta], [ca.SX(self.known.theta)])
         gain = ca.dot(f, W @ f) / (1 + ca.dot(f, C @ f))
-        p = ca.vertcat(n, origin, u, v, sigma, ca.vec(C), ca.vec(W))
-        return ca.nlpsol("refine", "ipopt", {"x": q, "p": p, "f": -gain, "g": g}, OPTIONS)
+        p = ca.vertcat(n, origin, u, v, sigma, room, ca.vec(C), ca.vec(W))
+        return ca.nlpsol("refine", "ipopt", {"x": ca.vertcat(q, above), "p": p, "f": -gain, "g": g}, OPTIONS)
 
-    def best(self, touch: Candidates, sigma: float, C: np.ndarray, W: np.ndarray) -> Float[np.ndarray, " joints"]:
+    def _pose(self, q: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
+        T = jig_T_tip(self.known.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]))
+        return T[:, 3], T[:, :3]
+
+    def _height(self, height: ca.SX, lean: ca.SX) -> ca.SX:
+        """Distance of the end of the wire from the face, as in the model of a touch."""
+        wire = self.known.cell.wire
+        if wire.shape == "flat":
+            return height - wire.radius * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))
+        return height - (wire.radius if wire.shape == "ball" else 0.0)
+
+    def _held(self, tip: ca.SX, R: ca.SX, high: ca.SX, turned: ca.SX, way: ca.SX) -> list[ca.SX]:
+        """What is zero where the approach holds the same wire off the face: as much as the robot's joints can keep."""
+        joints = len(self.known.cell.robot.joints)
+        rest = (turned.T @ R - R.T @ turned) / 2
+        turn = ca.vertcat(rest[2, 1], rest[0, 2], rest[1, 0])
+        return [high - tip - way, turn if joints > 5 else turn[:2] if joints == 5 else ca.SX(0, 1)]
+
+    def best(
+        self, touch: Candidates, sigma: float, C: Float[np.ndarray, "kept kept"], W: Float[np.ndarray, "kept kept"]
+    ) -> Float[np.ndarray, " joints"]:
         """Where Ipopt would have a touch, within joint limits, tilt and the inset of its face."""
         cell, i = self.known.cell, int(touch.face[0])
         face, robot = touch.faces[i], cell.robot
         inset = self.judge.margins.inset[i] / face.size
+        room = 1 + self.judge.margins.overtravel[i] / cell.touch.approach
         far = FAR * np.where(robot.prismatic, LEVER, 1.0)
+        lower, upper = robot.lower + HAIR, robot.upper - HAIR
+        zeros = np.zeros(self.solver.size1_in("lbg") - 4 - len(lower))
         solution = self.solver(
-            x0=touch.q[0],
-            p=np.concatenate([face.normal, face.origin, face.u, face.v, [sigma], C.ravel(), W.ravel() / _size(W)]),
-            lbx=np.maximum(robot.lower, touch.q[0] - far), ubx=np.minimum(robot.upper, touch.q[0] + far),
-            lbg=[0.0, *inset, np.cos(cell.touch.max_tilt)], ubg=[0.0, *(1 - inset), 1.0],
+            x0=np.concatenate([touch.q[0], touch.approach[0]]),
+            p=np.concatenate(
+                [face.normal, face.origin, face.u, face.v, [sigma, room], C.ravel(), (W / _size(W)).ravel()]
+            ),
+            lbx=np.concatenate([np.maximum(lower, touch.q[0] - far), lower]),
+            ubx=np.concatenate([np.minimum(upper, touch.q[0] + far), upper]),
+            lbg=np.concatenate([[0.0], inset, [np.cos(cell.touch.max_tilt - HAIR)], zeros, lower]),
+            ubg=np.concatenate([[0.0], 1 - inset, [1.0], zeros, upper]),
         )  # fmt: skip
-        return np.array(solution["x"]).ravel()
+        return np.array(solution["x"]).ravel()[: len(lower)]
 
-    def ways(self, touch: Candidates, q: Float[np.ndarray, " joints"]) -> Candidates:
-        """Touches on the way from one to a posture, the farthest first, all of which can be made."""
-        made = self._landed(int(touch.face[0]), touch.q[0] + SHARES[:, None] * (q - touch.q[0]))
-        if not len(made):
-            return touch.take(np.arange(0))
-        face = np.repeat(touch.face, len(made))
-        approach, verdict = self.judge.touch(face, made)
-        trial = self._touches(touch, made, approach)
-        return trial.take((verdict == Verdict.FINE) & self._inset(trial))
-
-    def _landed(self, face: int, q: Float[np.ndarray, "trials joints"]) -> Float[np.ndarray, "landed joints"]:
-        """Postures brought into contact along the normal, the wire's direction and its turn kept."""
-        cell = self.known.cell
-        assert cell.jig is not None
-        p, R = cell.kinematics.tip(q, self.known.theta)
-        to = self._foot(face, p) + self._extent(face, R)[:, None] * cell.jig.faces[face].normal
-        found = reach(
-            cell.kinematics, self.known.theta, to, R, q, free_roll=q.shape[1] == 5, free_orientation=q.shape[1] < 5
-        )
-        return found.q[found.reached()]
-
-    def _touches(self, touch: Candidates, q: np.ndarray, approach: np.ndarray) -> Candidates:
-        """The same touch in other postures."""
-        face = int(touch.face[0])
+    def ways(
+        self, touches: Candidates, q: Float[np.ndarray, "touches joints"]
+    ) -> tuple[Candidates, Int[np.ndarray, " trials"]]:
+        """Touches on the way from each one to a posture, the farthest first, that can be made; and from which one."""
+        owner = np.repeat(np.arange(len(touches)), len(SHARES))
+        asked = (touches.q[:, None] + SHARES[:, None] * (q - touches.q)[:, None]).reshape(len(owner), -1)
+        face = touches.face[owner]
+        q, landed = self._landed(face, asked)
+        approach, verdict = self.judge.touch(face, q)
         p, R = self.known.cell.kinematics.tip(q, self.known.theta)
-        lean = -(R[:, :, 2] @ touch.normal[0])
-        normal = np.repeat(touch.normal, len(q), axis=0)
-        return replace(
-            touch, face=np.repeat(touch.face, len(q)), point=self._foot(face, p), normal=normal,
-            tilt=np.arccos(np.clip(lean, -1, 1)), q=q, approach=approach,
+        normal = touches.normal[owner]
+        lean = -(R[:, :, 2] * normal).sum(axis=1)
+        trials = replace(
+            touches, face=face, point=self._foot(face, p), normal=normal, tilt=np.arccos(np.clip(lean, -1, 1)), q=q,
+            approach=approach,
         )  # fmt: skip
+        fine = landed & (verdict == Verdict.FINE) & self._inset(trials)
+        return trials.take(fine), owner[fine]
 
-    def _foot(self, face: int, p: Float[np.ndarray, "trials 3"]) -> Float[np.ndarray, "trials 3"]:
-        """Points dropped on the plane of a face."""
+    def _landed(
+        self, face: Int[np.ndarray, " trials"], q: Float[np.ndarray, "trials joints"]
+    ) -> tuple[Float[np.ndarray, "trials joints"], Bool[np.ndarray, " trials"]]:
+        """Postures brought into contact along the normal, the wire's direction and its turn kept; and which were."""
+        p, R = self.known.cell.kinematics.tip(q, self.known.theta)
+        normal = self._normal[face]
+        to = self._foot(face, p) + self._extent(face, R)[:, None] * normal
+        found = reach(
+            self.known.cell.kinematics, self.known.theta, to, R, q, free_roll=q.shape[1] == 5,
+            free_orientation=q.shape[1] < 5,
+        )  # fmt: skip
+        return found.q, found.reached()
+
+    @cached_property
+    def _normal(self) -> Float[np.ndarray, "faces 3"]:
         assert self.known.cell.jig is not None
-        plane = self.known.cell.jig.faces[face]
-        return p - (p @ plane.normal - plane.offset)[:, None] * plane.normal
+        return np.stack([face.normal for face in self.known.cell.jig.faces])
 
-    def _extent(self, face: int, R: Float[np.ndarray, "trials 3 3"]) -> Float[np.ndarray, " trials"]:
+    @cached_property
+    def _offset(self) -> Float[np.ndarray, " faces"]:
+        assert self.known.cell.jig is not None
+        return np.array([face.offset for face in self.known.cell.jig.faces])
+
+    def _foot(
+        self, face: Int[np.ndarray, " trials"], p: Float[np.ndarray, "trials 3"]
+    ) -> Float[np.ndarray, "trials 3"]:
+        """Points dropped on the planes of faces."""
+        normal = self._normal[face]
+        return p - ((p * normal).sum(axis=1) - self._offset[face])[:, None] * normal
+
+    def _extent(
+        self, face: Int[np.ndarray, " trials"], R: Float[np.ndarray, "trials 3 3"]
+    ) -> Float[np.ndarray, " trials"]:
         """How far the middle of the wire's end stays off its face [mm]."""
-        wire, jig = self.known.cell.wire, self.known.cell.jig
-        assert jig is not None
+        wire = self.known.cell.wire
         if wire.shape == "flat":
-            return wire.radius * np.sqrt(np.maximum(1 - (R[:, :, 2] @ jig.faces[face].normal) ** 2, 0.0))
+            lean = (R[:, :, 2] * self._normal[face]).sum(axis=1)
+            return wire.radius * np.sqrt(np.maximum(1 - lean**2, 0.0))
         return np.full(len(R), wire.radius if wire.shape == "ball" else 0.0)
 
-    def _inset(self, trial: Candidates) -> Bool[np.ndarray, " trials"]:
-        """Whether contact points keep the inset from the edges of their face."""
-        if not len(trial):
-            return np.zeros(0, dtype=bool)
-        face = trial.faces[int(trial.face[0])]
-        inset = self.judge.margins.inset[trial.face[0]] / face.size - 1e-9
-        at = face.fractions(trial.point)
-        return np.asarray(((at >= inset) & (at <= 1 - inset)).all(axis=1))
+    def _inset(self, trials: Candidates) -> Bool[np.ndarray, " trials"]:
+        """Whether contact points keep the inset from the edges of their faces."""
+        ok = np.ones(len(trials), dtype=bool)
+        for i in np.unique(trials.face):
+            mine, face = trials.face == i, trials.faces[i]
+            inset, at = self.judge.margins.inset[i] / face.size - 1e-9, face.fractions(trials.point[mine])
+            ok[mine] = ((at >= inset) & (at <= 1 - inset)).all(axis=1)
+        return ok
 
 
 def refine(
@@ -139,49 +185,52 @@ def refine(
     sweeps: int = 3,
     progress: Callable[[float], None] | None = None,
 ) -> Candidates:
-    """Move touches one after the other, again and again, to where `value` of all rows is larger; never worse.
+    """Move touches, again and again, to where `value` of all rows is larger; never worse.
 
-    `aim` makes W of the covariance of the others; a move counts only where it raises `value`, touches can be made, and
-    no two become one.
+    `aim` makes W of the covariance C of the others. A move counts only where it raises `value`, together with all moves
+    before it, where the touch can be made, and where no two touches become one.
     """
-    known = refinement.known
+    known, n = refinement.known, len(touches)
     sigma = touch_sigma(known.cell, touches.names())
     F = known.rows(touches.q, touches.normal, sigma)
     best = value(F)
     for sweep in range(sweeps):
-        before = best
-        for i in range(len(touches)):
-            C = np.linalg.inv(known.precision + F.T @ F - np.outer(F[i], F[i]))
-            one = touches.take(np.array([i]))
-            trial = refinement.ways(one, refinement.best(one, float(sigma[i]), C, aim(C)))
-            rows = known.rows(trial.q, trial.normal, np.full(len(trial), sigma[i]))
-            for k in np.flatnonzero(_apart(touches, i, trial)):
-                moved = F.copy()
-                moved[i] = rows[k]
-                if (now := value(moved)) > best:
-                    best, F = now, moved
-                    touches = _put(touches, i, trial.take(np.array([k])))
-                    break
+        before, wanted = best, touches.q.copy()
+        M = known.precision + F.T @ F
+        for i in range(n):
+            C = np.linalg.inv(M - np.outer(F[i], F[i]))
+            wanted[i] = refinement.best(touches.take(np.array([i])), float(sigma[i]), C, aim(C))
             if progress:
-                progress((sweep + (i + 1) / len(touches)) / sweeps)
-        if best - before < ENOUGH * abs(best):
+                progress((sweep + (i + 1) / n) / sweeps)
+        trials, owner = refinement.ways(touches, wanted)
+        rows = known.rows(trials.q, trials.normal, sigma[owner])
+        moved: set[int] = set()
+        for k, i in enumerate(owner.tolist()):
+            if i in moved or not _apart(touches, i, trials, k):
+                continue
+            changed = F.copy()
+            changed[i] = rows[k]
+            if (now := value(changed)) > best:
+                best, F = now, changed
+                touches = _put(touches, i, trials, k)
+                moved.add(i)
+        if best - before < ENOUGH:
             break
     return touches
 
 
-def _apart(touches: Candidates, i: int, trial: Candidates) -> Bool[np.ndarray, " trials"]:
-    """Trials that are no replicate of another touch than the one that they come from."""
-    others = touches.take(np.arange(len(touches)) != i)
-    near = np.linalg.norm(others.point - trial.point[:, None], axis=2) < APART[0]
-    turned = np.abs(others.q - trial.q[:, None]).max(axis=2) < APART[1]
-    return ~(near & turned).any(axis=1)
+def _apart(touches: Candidates, i: int, trials: Candidates, k: int) -> bool:
+    """Whether a trial is no replicate of another touch than the one that it comes from."""
+    near = np.linalg.norm(touches.point - trials.point[k], axis=1) < APART[0]
+    turned = np.abs(touches.q - trials.q[k]).max(axis=1) < APART[1]
+    return not (near & turned & (np.arange(len(touches)) != i)).any()
 
 
-def _put(touches: Candidates, i: int, one: Candidates) -> Candidates:
+def _put(touches: Candidates, i: int, trials: Candidates, k: int) -> Candidates:
     """Touches with one of them replaced."""
     columns = {name: getattr(touches, name).copy() for name in COLUMNS}
     for name, column in columns.items():
-        column[i] = getattr(one, name)[0]
+        column[i] = getattr(trials, name)[k]
     return replace(touches, **columns)
 
 

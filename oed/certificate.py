@@ -1,0 +1,79 @@
+"""How good a plan is against the best that any touches could be, not only those on offer.
+
+Kiefer and Wolfowitz (1960): a concave criterion lies below its tangent at any information M0, so no design of n touches
+beats the tangent where every touch is the one that gains most. With C = M0^-1, prior information P and touch rows f,
+
+    det(M)^(1/p)   <=  det(M0)^(1/p) (tr(C P) + n max f'Cf) / p
+    1 / tr(B M^-1) <=  (tr(C B C P) + n max f'CBCf) / tr(B C)^2
+
+The maximum runs over the whole manifold of touches: postures on faces within tilt, limits and insets. It is looked for
+from the best touches on offer, which are structured to hold its maxima, each polished by Ipopt. Clearance is not
+asked of them, which can only raise the bound; a maximum in no basin of these starts would be missed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from oed.aim import Aim
+from oed.offer import Offer
+from oed.refinement import Refinement
+
+STARTS = 48
+NEAR = 0.5  # [rad], starts of one face that are nearer than this in every joint would be polished to the same maximum
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What no set of touches can beat, as far as it was looked for."""
+
+    level: float  # of det(M)^(1/p), or of 1 / tr(B M^-1)
+    starts: int  # touches polished to find the one that gains most
+    gain: float  # of the best touch on the manifold over the best one on offer, less 1
+
+    def efficiency(self, aim: Aim, M: Float[np.ndarray, "kept kept"]) -> float:
+        """Share of the best possible that touches of total information M reach."""
+        return level(aim, M) / self.level
+
+
+def level(aim: Aim, M: Float[np.ndarray, "kept kept"]) -> float:
+    """The criterion as a function that grows in proportion to the information."""
+    value = aim.value(M)
+    return float(np.exp(value / len(M) if aim.B is None else value))
+
+
+def certify(
+    offered: Offer, refinement: Refinement, aim: Aim, weights: Float[np.ndarray, " touches"], n: int
+) -> Certificate:
+    """Bound n touches by the tangent at the information of approximate `weights`, over the manifold of touches."""
+    F, P = offered.rows, offered.known.precision
+    M0 = P + n * (F.T * weights) @ F
+    C = np.linalg.inv(M0)
+    S = aim.weight(C)
+    gains = ((F @ S) * F).sum(axis=1)
+    starts = _starts(offered, gains)
+    best = max(gains.max(), *(_polished(offered, refinement, i, S) for i in starts))
+    total = np.trace(S @ P) + n * best
+    scale = len(M0) if aim.B is None else float(np.trace(aim.B @ C))
+    return Certificate(level(aim, M0) * total / scale, len(starts), float(best / gains.max() - 1))
+
+
+def _starts(offered: Offer, gains: Float[np.ndarray, " touches"]) -> list[int]:
+    """The touches that gain most, no two alike."""
+    found, chosen = offered.found, list[int]()
+    for i in np.argsort(-gains, kind="stable")[: 50 * STARTS]:
+        same = [k for k in chosen if found.face[k] == found.face[i]]
+        if not same or np.abs(found.q[same] - found.q[i]).max(axis=1).min() > NEAR:
+            chosen.append(int(i))
+        if len(chosen) == STARTS:
+            break
+    return chosen
+
+
+def _polished(offered: Offer, refinement: Refinement, i: int, S: Float[np.ndarray, "kept kept"]) -> float:
+    """The largest f'Sf that Ipopt finds from a touch."""
+    touch = offered.found.take(np.array([i]))
+    q = refinement.best(touch, float(offered.sigma[i]), np.zeros_like(S), S)
+    f = offered.known.rows(q[None], touch.normal, offered.sigma[[i]])[0]
+    return float(f @ S @ f)
