@@ -13,7 +13,7 @@ from identify.model.robot import Robot
 STARTS = 24  # random ones for each of the first poses: 98 of 100 solutions of a 6-axis arm are found by so many
 SEEDS, KNOWN = 300, 3000  # poses that get them, and poses whose solutions are kept as starts for all others
 SLACK = 0.2  # [rad] or [LEVER mm] beyond the joint limits, for a start whose solution may lie within
-MOST = 16  # solutions kept of a pose: a 6-axis arm has no more, a redundant one has infinitely many
+MOST, SOME = 16, 8  # solutions kept of a pose: a 6-axis arm has no more; a redundant one has infinitely many
 WANDER = 0.3  # [rad] or [LEVER mm], 1 sigma of the way off from known solutions, where solutions fill a curve
 BESIDE = 0.8  # [rad] or [LEVER mm]: a start that near to a solution leads to it
 ITERATIONS = 10  # from a neighbour
@@ -88,7 +88,7 @@ class Branches:
         first = self._continued(poses, near, neighbour[:, 0], None)
         second = self._continued(poses, near, neighbour[:, 1], first)
         pose, q = np.concatenate([first.pose, second.pose]), np.concatenate([first.q, second.q])
-        keep = distinct(self.cell.robot, pose, q)
+        keep = distinct(self.cell.robot, pose, q, self._most)
         return Solutions(poses, pose[keep], q[keep])
 
     def _continued(
@@ -116,6 +116,10 @@ class Branches:
         return usable[_nearest(self._features(poses), self._features(self.known.poses.take(usable)), 2)]
 
     @property
+    def _most(self) -> int:
+        return SOME if self.task < len(self.cell.robot.joints) else MOST
+
+    @property
     def task(self) -> int:
         """Rows of what is asked: a robot of less than six joints is not asked to stand in any way but its own."""
         joints = len(self.cell.robot.joints)
@@ -128,7 +132,7 @@ class Branches:
             free_roll=self.task == AXIS, free_orientation=self.task == POINT, iterations=iterations,
         )  # fmt: skip
         ok = found.residual < TOLERANCE
-        keep = distinct(self.cell.robot, pose[ok], found.q[ok])
+        keep = distinct(self.cell.robot, pose[ok], found.q[ok], self._most)
         return Solutions(poses, pose[ok][keep], found.q[ok][keep])
 
     def _features(self, poses: Poses) -> Float[np.ndarray, "poses features"]:
@@ -139,9 +143,9 @@ class Branches:
 
 
 def distinct(
-    robot: Robot, pose: Int[np.ndarray, " solutions"], q: Float[np.ndarray, "solutions joints"]
+    robot: Robot, pose: Int[np.ndarray, " solutions"], q: Float[np.ndarray, "solutions joints"], most: int = MOST
 ) -> Int[np.ndarray, " distinct"]:
-    """Indices of solutions of a pose that differ by more than whole turns, MOST at the most, pose by pose.
+    """Indices of solutions of a pose that differ by more than whole turns, so many at the `most`, pose by pose.
 
     Solutions are told apart by one number, their angles seen from a fixed odd direction.
     """
@@ -153,7 +157,7 @@ def distinct(
     new = np.concatenate([[True], (np.diff(pose) > 0) | (np.diff(key) > SAME)])[: len(pose)]
     order, pose = order[new], pose[new]
     rank = np.arange(len(pose)) - np.searchsorted(pose, pose)
-    return order[rank < MOST]
+    return order[rank < most]
 
 
 def _new(

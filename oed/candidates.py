@@ -22,7 +22,7 @@ from oed.targets import Targets, spread, structured
 COUNT = 30_000
 ROUND = (3_000, 16_000)  # targets asked for at a time, at the least and at the most
 STRUCTURED = 0.7  # of them; the others are spread evenly
-ROUNDS = 40  # at the most
+ROUNDS = 8  # at the most, or as many as give three times the targets for what is asked
 EXPLORED = 0.2  # of as many contacts, that show first what can be reached, and how uncertain the tip is there
 
 
@@ -94,7 +94,7 @@ def candidates(
     size = int(np.clip(2 * count, *ROUND))
     search = _Search(cell, theta, covariance, share, margin, structured, int(EXPLORED * size), rng)
     found: list[Candidates] = []
-    for _ in range(ROUNDS):
+    for _ in range(max(ROUNDS, 3 * count // size)):
         found.append(search.round(size))
         if sum(map(len, found)) >= count or not len(found[0]):
             break

@@ -15,9 +15,10 @@ from oed.obstacles import owners
 from oed.torch import STICKOUT
 
 TOLERANCE = 1e-4  # [mm], how well inverse kinematics meets contact and approach
-TURN = 1.0  # [rad], most that a joint may turn between approach and contact
+TURN = 0.5  # [rad], most that a joint may turn between approach and contact
 ADVANCE = 0.3  # of the way that the tip should gain along the normal, the least that it does gain, all along
 BRINK = 1.0  # [mm], that the tip stays within the edges on its way, which bends a little
+FINEST = 5.0  # [mm], least margin for which the way is looked at more often
 WIRE = 3.0  # [mm], that the bare wire keeps from all but its own contact
 
 
@@ -115,7 +116,12 @@ class Judge:
         q: Float[np.ndarray, "touches joints"],
         approach: Float[np.ndarray, "touches joints"],
     ) -> Int[np.ndarray, " touches"]:
-        """Verdicts on the way from approach through contact to the end of the search, straight in joint space."""
+        """Verdicts on the way from approach through contact to the end of the search, straight in joint space.
+
+        Clearance is looked at so often that the tip goes no further than 1.5 margins in between. Beyond the contact the
+        robot goes only if the face is further away than the model has it, and then so is the jig: there the tip must
+        stay over the face, and the joints within their limits.
+        """
         room = 1 + self.margins.overtravel[face] / self.cell.touch.approach  # where the search ends; contact is 1
         end = approach + room[:, None] * (q - approach)
         out = np.where(within(self.cell.robot, approach), Verdict.FINE, Verdict.APPROACH)
@@ -125,7 +131,10 @@ class Judge:
         out[(out == 0) & ~self._over(face, [p for p, _ in tips], room)] = Verdict.PATH
         for tip, R in tips[:3]:
             out[(out == 0) & ~self._wire(face, tip, R[:, :, 2])] = Verdict.WIRE
-        return self._clear(face, half, self._clear(face, approach, out))
+        steps = max(2, int(np.ceil(self.cell.touch.approach / (1.5 * max(self.margin, FINEST)))))
+        for k in range(steps):
+            out = self._clear(face, approach + k / steps * (q - approach), out)
+        return out
 
     def _clear(
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"], so_far: np.ndarray

@@ -28,7 +28,7 @@ def found(robot):
     """Candidates of a robot of the library, made once."""
     if robot not in FOUND:
         cell = cell_of(robot)
-        FOUND[robot] = cell, candidates(cell, np.random.default_rng(7), 1500)
+        FOUND[robot] = cell, candidates(cell, np.random.default_rng(7), 1000)
     return FOUND[robot]
 
 
@@ -289,7 +289,7 @@ def test_a_wall_beside_the_face_keeps_the_wire_from_leaning_over_it():
     cell = cell_of("arc-welder")
     P = len(cell.robot.parameters)
 
-    some = candidates(cell, np.random.default_rng(3), 4000, covariance=np.zeros((P, P)), margin=5.0)
+    some = candidates(cell, np.random.default_rng(3), 3000, covariance=np.zeros((P, P)), margin=5.0)
 
     faces = [f.name for f in cell.jig.faces]
     beside = (some.face == faces.index("top-low")) & (some.point[:, 1] < 154) & (some.point[:, 0] < 240)
