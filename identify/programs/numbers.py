@@ -54,4 +54,4 @@ def written(old: Number, value: float, least: int, *, bare: bool = False) -> str
         digits = digits.rjust(len(digits) + max(0, len(whole) - len(digits.split(".")[0])), "0")
     negative = value < 0 and float(digits) != 0
     text = ("-" if negative else "+" if sign == "+" else "") + digits
-    return text.rjust(max(old.lead + len(old.text), len(text) + min(old.lead, 1)))
+    return text.rjust(max(old.lead + len(old.text), len(text) + 1)) if old.lead else text

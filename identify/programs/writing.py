@@ -1,6 +1,7 @@
 """Put corrected numbers in the place of the old ones, and prove that nothing else has changed."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from identify.programs.numbers import Number, decimals, written
 from identify.programs.orientation import angle_between
 from identify.programs.records import Maker, Record
 
+WIDEST = 40  # spaces before a number, at most
 NOISE = 1e-5  # [mm] or [deg], below which a correction is rounding of the inverse kinematics and no reason to write
 
 
@@ -40,8 +42,12 @@ def replaced(text: str, changes: Iterable[tuple[Number, str]]) -> str:
 
 
 def skeleton(text: str, records: Sequence[Record]) -> str:
-    """A text without the numbers of its positions."""
-    return replaced(text, ((number, "#") for record in records for number in record.numbers))
+    """A text without the numbers of its positions, and without the spaces before them."""
+    numbers = [number for record in records for number in record.numbers]
+    before = [text[max(0, number.start - WIDEST) : number.start] for number in numbers]
+    runs = [len(part) - len(part.rstrip(" ")) for part in before]
+    wide = [replace(number, lead=run) for number, run in zip(numbers, runs, strict=True)]
+    return replaced(text, ((number, "#") for number in wide))
 
 
 def faithful(done: Corrected, again: Record, maker: Maker) -> bool:
