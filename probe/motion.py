@@ -103,24 +103,43 @@ class Motion:
 
     def retreat(self) -> None:
         """Go back along the last motion to where it is safe, and out of contact; raises TouchError where it cannot."""
+        came_from: Joints | None = None
         for _ in range(WAYS_BACK):
-            intent, state = self.session.intent, self._state()
-            if intent is None or self._stands(state.q, intent):
+            intent, began = self.session.intent, self._state().q
+            if intent is None or self._stands(began, intent):
                 break
+            if intent.kind == "retract" and self._apart(began, intent.start):
+                came_from = intent.start
             try:
                 self._move(intent.back, intent.id, "retract", intent.back, self.settings.retract_speed)
                 break
             except Refused as refusal:
                 if refusal.code in HOPELESS:
                     raise TouchError(f"{refusal}; put that right, then go on with --resume") from None
+                if refusal.code == "EARLY":
+                    self.here = self._state().q
+                    came_from = began if self._apart(self.here, began) else came_from
+                    self._lean(came_from, intent)
         else:
             raise TouchError("the robot did not get back to its last approach; move it there by hand, then --resume")
         self._await_open()
 
+    def _lean(self, origin: Joints | None, intent: Intent) -> None:
+        """The wire caught on its way back: only towards where that began is open; half of it frees the wire."""
+        if origin is None:
+            return
+        try:
+            self._move((self.here + origin) / 2, intent.id, "retract", intent.back, self.geometry.search_speed)
+        except Refused as refusal:
+            self.tell(Waiting(str(refusal)))
+
+    def _apart(self, a: Joints, b: Joints) -> bool:
+        return self.geometry.span(a, b) > self.settings.arrived
+
     def _stands(self, q: Joints, intent: Intent) -> bool:
         """Whether the robot needs no way back; raises TouchError where it is not on the way at all."""
         self.here = q
-        if self.geometry.span(q, intent.back) <= self.settings.arrived:
+        if not self._apart(q, intent.back):
             return True
         at, off = self.geometry.fraction(q, intent.start, intent.end)
         slack = self.settings.arrived / max(self.geometry.span(intent.start, intent.end), self.settings.arrived)
@@ -157,7 +176,7 @@ class Motion:
         return Failed("skipped", why_not) if why_not else Measured(Reading(contact.q, velocity))
 
     def _approach(self, target: Target, name: str) -> None:
-        if self.geometry.span(self.here, target.approach) > self.settings.arrived:
+        if self._apart(self.here, target.approach):
             if self.geometry.inside(self.here, target.approach):
                 raise TouchError(
                     f"the way to touch '{name}' leads through the jig from where the robot stands; "
@@ -226,7 +245,7 @@ class Motion:
         rate = self.geometry.move_rate(self.here, q, speed)
         self._intend(kind, name, self.here, q, back, rate)
         self.here = self.controller.move(q, rate)
-        if self.geometry.span(self.here, q) > self.settings.arrived:
+        if self._apart(self.here, q):
             raise Refused("NOTREACHED", f"off by {np.degrees(self.geometry.span(self.here, q)):.3f} deg")
 
     def _intend(self, kind: str, name: str, start: Joints, end: Joints, back: Joints, rate: float) -> Intent:
