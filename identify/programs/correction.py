@@ -14,9 +14,11 @@ from identify.model.frames import inverse, pose, transform
 from identify.model.inverse import within
 from identify.programs.orientation import euler_near, from_euler, from_quaternion, quaternion_near
 from identify.programs.places import Place, places
-from identify.programs.posture import Chooser, Fits
+from identify.programs.posture import Choice, Chooser, Fits
 from identify.programs.records import Maker, Postures, Record
 from identify.programs.setup import Setup, joint_map
+
+AMBIGUOUS = 0.01  # [mm], by which the corrections of postures may differ before it matters which is meant
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,17 +72,35 @@ class _Work:
             return []
         pairs = list(zip(records, where, strict=True))
         wanted = np.array([place.base_T_tip(frame_T_tool(record, record.values)) for record, place in pairs])
-        q, fitting, any_ = self.chooser.choose(
-            transform(self.theta[:6]) @ wanted, [self._fits(record.flags) for record in records], self.setup.near
-        )
-        result = self._compensate(wanted, q)
-        found = zip(records, fitting, any_, result.q, result.why, strict=True)
-        why = [_posture_why(ok, some) or self._flags_why(record, to, reason) for record, ok, some, to, reason in found]
+        open_ = self.setup.near is None and self.setup.posture == "flags"
+        chosen = self.chooser.choose(
+            transform(self.theta[:6]) @ wanted, [self._fits(record.flags) for record in records], self.setup.near,
+            [open_ and record.flags is None for record in records],
+        )  # fmt: skip
+        result = self._compensate(wanted, np.array([choice.q for choice in chosen]))
         command = transform(result.command)
+        apart = self._apart(wanted, chosen, command) if open_ else np.zeros(len(records))
+        why = [
+            _choice_why(choice, apart[i]) or self._flags_why(record, result.q[i], result.why[i])
+            for i, (record, choice) in enumerate(zip(records, chosen, strict=True))
+        ]
         return [
             Corrected(record, why=why[i]) if why[i] else self._moved(record, place, wanted[i], command[i], result.q[i])
             for i, (record, place) in enumerate(pairs)
         ]
+
+    def _apart(
+        self, wanted: Float[np.ndarray, "records 4 4"], chosen: Sequence[Choice],
+        command: Float[np.ndarray, "records 4 4"],
+    ) -> Float[np.ndarray, " records"]:  # fmt: skip
+        """How far apart [mm] the commands are that the other postures would get, of those that fit as well."""
+        owner = [i for i, choice in enumerate(chosen) for _ in choice.others]
+        apart = np.zeros(len(chosen))
+        if owner:
+            others = self._compensate(wanted[owner], np.array([q for choice in chosen for q in choice.others]))
+            way = np.linalg.norm(others.command[:, :3] - command[owner, :3, 3], axis=1)
+            np.maximum.at(apart, owner, np.where(others.corrected, way, 0.0))
+        return apart
 
     def _moved(self, record: Record, place: Place, before: np.ndarray, after: np.ndarray, q: np.ndarray) -> Corrected:
         """A position corrected."""
@@ -130,11 +150,16 @@ class _Work:
 _CROSSED = "corrected, its joints are not those that its posture flags describe"
 
 
-def _posture_why(fitting: bool, any_: bool) -> str:
-    if not any_:
+def _choice_why(choice: Choice, apart: float) -> str:
+    """Why no posture can be chosen."""
+    if not choice.solved:
         return "out of reach: the nominal robot has no solution within its limits; are frame and tool right?"
-    cure = "are signs and zeros of the joints those of the program? posture: nearest leaves the flags aside"
-    return "" if fitting else f"posture: no solution of the nominal robot is as the flags say; {cure}"
+    if not choice.fits:
+        cure = "are signs and zeros of the joints those of the program? posture: nearest leaves the flags aside"
+        return f"posture: no solution of the nominal robot is as the flags say; {cure}"
+    if apart > AMBIGUOUS:
+        return f"posture: several fit, {apart:.3g} mm apart when corrected; write near_deg: [...] to say which is meant"
+    return ""
 
 
 def _count_why(record: Record, count: int) -> str:

@@ -112,7 +112,8 @@ def _pose(source: Source, structure: Structure, name: str, place: tuple[Ref, Ref
     status, turn = (structure.components.get(key, Component("")).integer for key in ("S", "T"))
     if status is not None and status & ACCURATE:
         left = left or "absolute accuracy: bit 4 of S says that the robot's own model has corrected it already"
-    return Record(name, source.line(structure.start), "euler", numbers, base, tool, (status, turn), left or why)
+    flags = None if status is None and turn is None else (status, turn)
+    return Record(name, source.line(structure.start), "euler", numbers, base, tool, flags, left or why)
 
 
 def _numbers(parts: dict[str, Component], names: Sequence[str]) -> tuple[tuple[Number, ...], str]:

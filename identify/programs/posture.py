@@ -1,10 +1,12 @@
 """In which posture a nominal robot reaches the positions of a program: solutions, and those that the flags allow."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identify.guard import joint_change
 from identify.model.frames import inverse, transform
 from identify.model.inverse import reach, within
 from identify.model.kinematics import Kinematics
@@ -20,6 +22,16 @@ ALIGNED = 0.05  # sine of the angle within which axes count as parallel or squar
 Fits = Callable[[Postures], Bool[np.ndarray, " solutions"]]
 
 
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The posture chosen for one position."""
+
+    q: Float[np.ndarray, " joints"]  # [rad] or [mm], NaN where there is no solution at all
+    fits: bool  # whether it is as the flags say
+    solved: bool = True
+    others: tuple[Float[np.ndarray, " joints"], ...] = ()  # that fit as well
+
+
 class Chooser:
     """Finds postures of a nominal robot for poses of its tip in the jig frame."""
 
@@ -30,30 +42,29 @@ class Chooser:
         self.elbow = elbow(kinematics, theta)
 
     def choose(
-        self, T: Float[np.ndarray, "targets 4 4"], fits: Sequence[Fits], near: Float[np.ndarray, " joints"] | None
-    ) -> tuple[Float[np.ndarray, "targets joints"], Bool[np.ndarray, " targets"], Bool[np.ndarray, " targets"]]:
-        """The solution nearest to a posture among those that fit, whether any fits, and whether there is any at all.
+        self,
+        T: Float[np.ndarray, "targets 4 4"],
+        fits: Sequence[Fits],
+        near: Float[np.ndarray, " joints"] | None,
+        thorough: Sequence[bool],
+    ) -> list[Choice]:
+        """The solution nearest to a posture among those that fit, and the others that fit as well.
 
-        The search begins at `near` and at its flipped wrist; where that shows no solution that fits, DRAWS more.
+        The search begins at `near` and at its flipped wrist; where that shows no solution that fits, or where it is to
+        be `thorough`, there are DRAWS more.
         """
         first, reached = nominal(self.kinematics, self.theta, T, near)
         pool = [[q] if ok else [] for q, ok in zip(first, reached, strict=True)]
         self._more(pool, T, np.flatnonzero(reached), _flipped(first[reached]))
         goal = self.middle if near is None else near
-        chosen = [self._pick(pool[i], fits[i], goal) for i in range(len(T))]
-        open_ = np.array([i for i, q in enumerate(chosen) if q is None], dtype=int)
-        rng = np.random.default_rng(0)
+        found = [self._choice(*each, goal) for each in zip(pool, fits, strict=True)]
+        open_ = np.array([i for i, choice in enumerate(found) if thorough[i] or not choice.fits], dtype=int)
+        rng, robot = np.random.default_rng(0), self.kinematics.robot
         for _ in range(DRAWS if len(open_) else 0):
-            start = rng.uniform(
-                self.kinematics.robot.lower, self.kinematics.robot.upper, (len(open_), len(self.middle))
-            )
-            self._more(pool, T, open_, start)
+            self._more(pool, T, open_, rng.uniform(robot.lower, robot.upper, (len(open_), len(goal))))
         for i in open_:
-            chosen[i] = self._pick(pool[i], fits[i], goal)
-        fitting = np.array([q is not None for q in chosen], dtype=bool)
-        any_ = np.array([bool(solutions) for solutions in pool], dtype=bool)
-        q = [self._nearest(pool[i], goal) if c is None else c for i, c in enumerate(chosen)]
-        return np.array(q).reshape(-1, len(self.middle)), fitting, any_
+            found[i] = self._choice(pool[i], fits[i], goal)
+        return found
 
     def postures(self, q: Float[np.ndarray, "solutions joints"]) -> Postures:
         """Joint values as the maker describes them."""
@@ -67,17 +78,22 @@ class Chooser:
             if ok and not any(np.abs(q - known).max() < SAME for known in pool[i]):
                 pool[i].append(q)
 
-    def _pick(self, solutions: list[np.ndarray], fits: Fits, goal: np.ndarray) -> np.ndarray | None:
-        """The nearest solution that fits, whole turns within the limits included."""
+    def _choice(self, solutions: list[np.ndarray], fits: Fits, goal: np.ndarray) -> Choice:
+        """The nearest solution that fits, whole turns within the limits included; else the nearest of all."""
         if not solutions:
-            return None
-        q = _turns(self.kinematics.robot, np.array(solutions))
-        allowed = fits(self.postures(q))
-        return self._nearest(list(q[allowed]), goal) if allowed.any() else None
+            return Choice(np.full(len(goal), np.nan), False, False)
+        robot = self.kinematics.robot
 
-    def _nearest(self, solutions: list[np.ndarray], goal: np.ndarray) -> np.ndarray:
-        span = self.kinematics.robot.upper - self.kinematics.robot.lower
-        return min(solutions, key=lambda q: float((((q - goal) / span) ** 2).sum()), default=np.full(len(goal), np.nan))
+        def order(q: Float[np.ndarray, " joints"]) -> float:
+            return float((((q - goal) / (robot.upper - robot.lower)) ** 2).sum())
+
+        q = _turns(robot, np.array(solutions))
+        allowed = sorted(q[fits(self.postures(q))], key=order)
+        if not allowed:
+            return Choice(min(solutions, key=order), False)
+        turned = [joint_change(robot, allowed[0][None], other[None]).max() for other in allowed]
+        others = tuple(other for other, far in zip(allowed, turned, strict=True) if far > SAME)
+        return Choice(allowed[0], True, others=others)
 
     def _sides(self, q: Float[np.ndarray, "solutions joints"]) -> tuple[np.ndarray, np.ndarray]:
         """Whether the wrist stands before axis 1, and whether it stands before the lower arm."""

@@ -2,8 +2,8 @@
 
 Cartesian positions count in the base, robot or user frame; pulses need the pulses of a degree (joints: in the table).
 P variables belong to the controller and are left alone unless the table says otherwise. Of a posture, front and rear,
-upper and lower arm and the whole turns are heeded; what flip means differs between controllers, so of the two wrists
-the one nearer to `near_deg` is taken.
+upper and lower arm and the whole turns are heeded; what flip means differs between controllers, so which of the two
+wrists is meant has to be said by near_deg where it matters.
 """
 
 import re
