@@ -82,7 +82,7 @@ def recognised(heard: bytes) -> str:
 
 
 def _why_not(port: str, protocol: str, baud: int, heard: bytes, error: TouchError) -> str:
-    if "disconnected" in str(error) and not heard:
+    if "is gone" in str(error) and not heard:
         return f"'{port}' hangs up; is another program connected to it?"
     other = recognised(heard)
     if not isinstance(error, LinkLost):

@@ -25,6 +25,7 @@ from probe.transcript import Transport
 T = TypeVar("T")
 LONGEST = 500  # [bytes] of a line of GRBL
 HIGHEST_TOOL = 255  # of GRBL 1.1
+NOWHERE = 0.002  # [axis units]
 SLACK = 10.0  # [s] beyond the expected duration of a motion before it is stopped
 HOMING = 180.0  # [s]
 
@@ -84,6 +85,8 @@ class Grbl:
     def move(self, q: Float[np.ndarray, " joints"], rate: float) -> Float[np.ndarray, " joints"]:
         """Move straight to `q`, guarded unless the wire touches already; where the robot stands afterwards."""
         before = self.state()
+        if np.abs((q - before.q) / self._unit).max() < NOWHERE:
+            return before.q  # GRBL calls a probing motion to where it stands an error
         if before.contact:
             self._execute("G1", q, rate, before)
             return self.state().q
