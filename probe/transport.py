@@ -63,9 +63,13 @@ class SerialTransport:
     def close(self) -> None:
         """Give the port back; harmless when that is done already."""
         port, self._port = self._port, None
-        if port is not None:
-            with suppress(serial.SerialException, OSError):  # it was gone before
-                port.close()
+        if port is None:
+            return
+        held = getattr(port, "_socket", None)
+        with suppress(serial.SerialException, OSError):  # it was gone before
+            port.close()
+        if held is not None:
+            held.close()  # pyserial leaves it open where the other side has hung up
 
     def _ready(self) -> Any:
         if self._port is None:
