@@ -14,7 +14,7 @@ asked of them, which can only raise the bound; a maximum in no basin of these st
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from oed.aim import Aim
 from oed.offer import Offer
@@ -34,7 +34,7 @@ class Certificate:
 
     def efficiency(self, aim: Aim, M: Float[np.ndarray, "kept kept"]) -> float:
         """Share of the best possible that touches of total information M reach."""
-        return level(aim, M) / self.level
+        return float(level(aim, M) / self.level)
 
 
 def level(aim: Aim, M: Float[np.ndarray, "kept kept"]) -> float:
@@ -44,14 +44,24 @@ def level(aim: Aim, M: Float[np.ndarray, "kept kept"]) -> float:
 
 
 def certify(
-    offered: Offer, refinement: Refinement, aim: Aim, weights: Float[np.ndarray, " touches"], n: int
+    offered: Offer,
+    refinement: Refinement,
+    aim: Aim,
+    weights: Float[np.ndarray, " touches"],
+    n: int,
+    allowed: Bool[np.ndarray, " touches"] | None = None,
 ) -> Certificate:
-    """Bound n touches by the tangent at the information of approximate `weights`, over the manifold of touches."""
+    """Bound n touches by the tangent at the information of approximate `weights`, over the manifold of touches.
+
+    Where not all touches on offer are `allowed`, the bound is over those like the allowed ones.
+    """
     F, P = offered.rows, offered.known.precision
     M0 = P + n * (F.T * weights) @ F
     C = np.linalg.inv(M0)
     S = aim.weight(C)
     gains = ((F @ S) * F).sum(axis=1)
+    if allowed is not None:
+        gains[~allowed] = 0.0
     starts = _starts(offered, gains)
     best = max(gains.max(), *(_polished(offered, refinement, i, S) for i in starts))
     total = np.trace(S @ P) + n * best

@@ -1,16 +1,15 @@
 """Choose touches from an offer: the best of them that the robot can also visit one after the other."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from oed.aim import Aim
-from oed.candidates import Candidates
 from oed.offer import Offer, plan_of
 from oed.passes import swapped
-from oed.sequence import Order, order
+from oed.sequence import Order
 from oed.ways import astray, like
 
 POOL = 2500  # touches that an exchange looks at
@@ -20,34 +19,33 @@ Pick = Callable[[Bool[np.ndarray, " touches"], Int[np.ndarray, " n"] | None], In
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
-    """Touches in the order in which to make them."""
+class Visit:
+    """Touches on offer that can be visited one after the other."""
 
-    touches: Candidates
-    order: Order
+    order: Order  # its index counts through the offer
+    allowed: Bool[np.ndarray, " touches"]  # of the offer: those that do not lead to blocked ways, as far as was seen
 
 
-def visited(offered: Offer, pick: Pick, rng: np.random.Generator) -> tuple[Int[np.ndarray, " n"], Order]:
-    """Touches that `pick` chooses among those allowed, until they can be visited on clear ways; and their order.
+def visited(offered: Offer, pick: Pick, rng: np.random.Generator) -> Visit:
+    """Touches that `pick` chooses among those allowed, until they can be visited on clear ways.
 
     What leads to blocked ways is given up, with all that is more like it than like what stays. The best try is
     returned where none is free of blocked ways.
     """
     cell, at = offered.known.cell, offered.found.approach
     allowed, chosen = np.ones(len(at), dtype=bool), None
-    best: tuple[Int[np.ndarray, " n"], Order] | None = None
+    best: Visit | None = None
     for _ in range(TRIES):
         chosen = pick(allowed, chosen)
-        clear = offered.ways.among(at[chosen])
-        found = order(cell, plan_of(offered.found.take(chosen)), clear, rng)
-        if best is None or len(found.blocked) < len(best[1].blocked):
-            best = chosen, found
+        found, clear = offered.ways.order(cell, plan_of(offered.found.take(chosen)), rng, kicks=0)
+        if best is None or len(found.blocked) < len(best.order.blocked):
+            best = Visit(replace(found, index=chosen[found.index]), allowed)
         if not found.blocked:
             break
         pairs = np.array([[found.index[i], found.index[i + 1]] for i in found.blocked])
         bad = astray(clear, pairs)
         good = np.setdiff1d(np.arange(len(chosen)), bad)
-        allowed &= ~like(cell, at, at[chosen[bad]], at[chosen[good]])
+        allowed = allowed & ~like(cell, at, at[chosen[bad]], at[chosen[good]])
         if allowed.sum() < len(chosen):
             break
     assert best is not None
@@ -86,7 +84,9 @@ def robust(offered: Offer, n: int, models: Float[np.ndarray, "models parameters"
             worth += aim.gains(F[some], np.linalg.inv(P + F[start].T @ F[start]))
         pool = some[np.argsort(-worth, kind="stable")[: POOL // 2]]
         pool = np.concatenate([start, np.setdiff1d(pool, start)])
-        return pool[swapped(all_rows[:, pool], P, np.arange(n), aims, allowed=allowed[pool], worst=worst)]
+        rows, fit = all_rows[:, pool], allowed[pool]
+        best = swapped(rows, P, np.arange(n), aims, allowed=fit)  # the mean leads past sets where the least sticks
+        return pool[swapped(rows, P, best, aims, allowed=fit, worst=True) if worst else best]
 
     return pick
 

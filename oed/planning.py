@@ -2,20 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
 
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
-from identify.model.files import InputError
+from identify.model.files import InputError, nearest
 from identify.model.touch import Plan
-from oed.candidates import Candidates, candidates
-from oed.information import knowledge_after, nominal_knowledge, touch_sigma
-from oed.zone import Promise, promise, zone_poses
+from oed.accuracy import curve, smallest
+from oed.criteria import CRITERIA, score
+from oed.information import touch_sigma
+from oed.offer import Offer, offer, plan_of
+from oed.sequence import Order
+from oed.strategies import STRATEGIES, Choice, Setting
+from oed.unseen import unseen
+from oed.zone import Promise
 
-Strategy = Literal["optimal", "even", "random"]
+CRITERION = "V"
 Progress = Callable[[str, float], None]  # what is being done, and how much of the whole is done (0 ... 1)
 
 
@@ -26,12 +30,15 @@ class PlanResult:
     plan: Plan
     strategy: str
     criterion: str
-    indices: dict[str, float]  # every criterion of the table
+    indices: dict[str, float]  # every criterion of the table, of these touches alone
     efficiency: float | None  # against the bound on what `efficiency_covers`; None where there is no bound
-    efficiency_covers: str
+    efficiency_covers: str  # candidates: all touches on offer that can be visited
+    manifold: float | None  # efficiency against all touches that there are, as far as they were looked for
     promise: Promise
+    curve: tuple[tuple[int, float], ...]  # numbers of touches, and the 95 % tip error in the zone to expect [mm]
     minutes: float
-    unseen: tuple[str, ...]  # sentences: what this jig cannot see
+    unseen: tuple[str, ...]  # sentences: what these touches cannot see, and what to add
+    notes: tuple[str, ...]  # sentences: faces that are not reached or may be missed, ways that are not clear
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -39,36 +46,39 @@ class PlanResult:
 
 def plan(
     cell: Cell,
-    n: int = 50,
-    criterion: str = "D",
-    strategy: Strategy = "optimal",
+    n: int | None = None,
+    criterion: str = CRITERION,
+    strategy: str = "optimal",
     rng: np.random.Generator | None = None,
     *,
+    target: float | None = None,
     after: Calibration | None = None,
+    robust: int = 0,
+    worst: bool = False,
+    count: int | None = None,
     progress: Progress | None = None,
 ) -> PlanResult:
-    """Choose n touches of the jig; raises InputError, in one sentence, where no plan can be made."""
+    """Choose touches of the jig: `n` of them (50), or as few as bring the tip error in the zone below `target`.
+
+    `target` is the 95 % error [mm]. To what an earlier calibration knows (`after`), new touches are added. With
+    `robust` robots drawn from what is known, touches are judged by the mean over them, or with `worst` by the least.
+    `count` touches are on offer. The same `rng` gives the same plan. Raises InputError where no plan can be made.
+    """
     rng = np.random.default_rng(0) if rng is None else rng
     say = progress or (lambda what, share: None)
-    known = nominal_knowledge(cell) if after is None else knowledge_after(cell, after)
-    say("reach", 0.0)
-    if cell.jig is None:
-        raise InputError("the cell has no jig to touch; name one in cell.yaml (jig: library:step-block)")
-    found = candidates(cell, rng)
-    say("choose", 0.6)
-    F = known.rows(found.q, found.normal, touch_sigma(cell, found.names()))
-    chosen = _greedy(F, known.precision, n) if strategy == "optimal" else rng.choice(len(F), n, replace=False)
-    picked = _plan_of(found.take(chosen))
-    tip = known.tip_rows(zone_poses(cell, known.theta))
-    C = known.covariance(F[chosen])
-    s = np.linalg.svd(F[chosen], compute_uv=False)
+    _check(n, target, criterion, strategy)
+    say("finding touches that can be made", 0.0)
+    offered = offer(cell, rng, after=after, count=count, structured=strategy == "optimal")
+    setting = Setting(offered, criterion, strategy, rng, robust, worst)
+    least = len(offered.known.names) if after is None else 1
+    if target is not None:
+        say("looking for the number of touches", 0.3)
+        n = smallest(offered, target, least, setting.quickly)
+    n = 50 if n is None else n
+    _enough(offered, n, least)
+    choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
     say("done", 1.0)
-    return PlanResult(
-        plan=picked, strategy=strategy, criterion=criterion,
-        indices={"O1": float(np.exp(np.log(s).mean()) / np.sqrt(n))},
-        efficiency=None, efficiency_covers="candidates", promise=promise(tip, C),
-        minutes=n * 8.0 / 60, unseen=(),
-    )  # fmt: skip
+    return _result(setting, choice, least)
 
 
 def summary(result: PlanResult) -> dict[str, Any]:
@@ -80,27 +90,53 @@ def summary(result: PlanResult) -> dict[str, Any]:
         "indices": dict(result.indices),
         "efficiency": result.efficiency,
         "efficiency_covers": result.efficiency_covers,
+        "manifold": result.manifold,
         "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
+        "curve": [{"touches": m, "p95_mm": error} for m, error in result.curve],
         "minutes": result.minutes,
         "unseen": list(result.unseen),
+        "notes": list(result.notes),
     }
 
 
-def _plan_of(found: Candidates) -> Plan:
-    """Touches as they stand in plan.csv."""
-    ids = tuple(str(i + 1) for i in range(len(found)))
-    return Plan(ids, found.names(), found.point, found.normal, found.q, found.approach)
+def _check(n: int | None, target: float | None, criterion: str, strategy: str) -> None:
+    """Raise InputError where the words are not known or say two things at once."""
+    for word, value, known in (("criterion", criterion, CRITERIA), ("strategy", strategy, STRATEGIES)):
+        if value not in known:
+            raise InputError(f"{word} '{value}' is not known{nearest(value, known)}; choose one of {', '.join(known)}")
+    if n is not None and target is not None:
+        raise InputError("a number of touches and a target are given; give one, the other follows from it")
 
 
-def _greedy(F: Float[np.ndarray, "rows kept"], M: Float[np.ndarray, "kept kept"], n: int) -> Int[np.ndarray, " n"]:
-    """Add the touch that adds most to log det, n times."""
-    C = np.linalg.inv(M)
-    chosen: list[int] = []
-    for _ in range(n):
-        gain = np.einsum("ij,ij->i", F @ C, F)
-        gain[chosen] = -1
-        i = int(np.argmax(gain))
-        chosen.append(i)
-        x = C @ F[i]
-        C -= np.outer(x, x) / (1 + F[i] @ x)
-    return np.array(chosen)
+def _enough(offered: Offer, n: int, least: int) -> None:
+    """Raise InputError where n touches can never determine the parameters, or cannot be had."""
+    if n < least:
+        raise InputError(
+            f"{n} touches cannot determine the {least} identifiable parameters of robot "
+            f"'{offered.known.cell.robot.name}'; plan at least {least}, better {2 * least}"
+        )
+    if n > len(offered.found):
+        raise InputError(f"{n} touches are asked for, and only {len(offered.found)} were found that can be made")
+
+
+def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
+    """What a chosen set promises."""
+    offered, touches = setting.offered, choice.touches
+    made = plan_of(touches)
+    rows = offered.known.rows(touches.q, touches.normal, touch_sigma(offered.known.cell, touches.names()))
+    return PlanResult(
+        plan=made, strategy=setting.strategy, criterion=setting.criterion,
+        indices={name: float(score(name, rows.T @ rows, len(rows), offered.tip)) for name in CRITERIA},
+        efficiency=choice.efficiency, efficiency_covers="candidates", manifold=choice.manifold,
+        promise=offered.promise(touches), curve=curve(offered, touches, least), minutes=choice.order.minutes,
+        unseen=unseen(offered.known, offered.rows, rows, offered.zone),
+        notes=(*offered.found.notes, *_blocked(made, choice.order)),
+    )  # fmt: skip
+
+
+def _blocked(made: Plan, order: Order) -> tuple[str, ...]:
+    return tuple(
+        f"the straight way from touch {made.ids[i]} to touch {made.ids[i + 1]} is not clear of the jig; "
+        "drive around it by hand, or plan with another number of touches"
+        for i in order.blocked
+    )

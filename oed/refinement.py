@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.model.descent import LEVER
 from identify.model.inverse import reach
 from identify.model.kinematics import jig_T_tip, symbols
 from oed.candidates import COLUMNS, Candidates
@@ -21,7 +22,6 @@ from oed.judgement import Judge, Verdict
 
 SHARES = np.array([1.0, 0.6, 0.3, 0.1])  # of a move, tried in turn where the whole of it cannot be made
 FAR = 0.6  # [rad], most that a joint turns in one move; times LEVER mm where it slides
-LEVER = 300.0  # [mm]
 HAIR = 1e-6  # [rad] or [mm] that solutions keep from limits, for rounding
 APART = 5.0, np.radians(3.0)  # [mm] and [rad]: touches nearer than both would be the same touch again
 ENOUGH = 2e-3  # of the criterion's logarithm that a sweep has to gain for another to follow

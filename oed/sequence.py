@@ -11,7 +11,7 @@ from identify.model.touch import Plan
 MOVE_SPEED = 250.0  # [mm/s] of the tip between touches, at the most
 RETRACT_SPEED = 100.0  # [mm/s] of the tip, back from the contact
 SETTLE = 0.4  # [s] for the sensing signal to clear: power sources hold it 0.3 to 0.5 s
-KICKS = 1500  # a tour of 50 places is broken at random and repaired 30 times, one of 100 places 15 times
+KICKS = 5000  # a tour of 50 places is broken at random and repaired 100 times, one of 100 places 50 times
 DETOUR = 60.0  # [s], what a way that is not clear costs: more than any that is
 
 
@@ -29,16 +29,20 @@ def order(
     plan: Plan,
     clear: Bool[np.ndarray, "touches touches"] | None = None,
     rng: np.random.Generator | None = None,
+    *,
+    start: Int[np.ndarray, " touches"] | None = None,
+    kicks: int | None = None,
 ) -> Order:
     """Order touches so that the robot travels little between their approach points.
 
     Ways are straight in joint space; those that are not `clear` are taken only where there is no order without them.
+    `start` is an order to begin with, `kicks` how often the search is shaken up.
     """
     rng = np.random.default_rng(0) if rng is None else rng
     D = travel(cell, plan.approach)
     if clear is not None:
         D = D + DETOUR * ~(clear | np.eye(len(D), dtype=bool))
-    tour = shortest(D, rng)
+    tour = shortest(D, rng, start, kicks=kicks)
     blocked = np.flatnonzero(D[tour[:-1], tour[1:]] >= DETOUR)
     return Order(tour, minutes(cell, plan.take(tour)), tuple(int(i) for i in blocked))
 
@@ -80,7 +84,7 @@ def shortest(
     closed[:n, :n] = D
     starts = [_nearest_neighbour(closed)] + ([] if start is None else [np.append(start, n)])
     best = min((_improved(closed, tour) for tour in starts), key=lambda tour: _length(closed, tour))
-    for _ in range(0 if n < 7 else min(30, KICKS // n) if kicks is None else kicks):
+    for _ in range(0 if n < 7 else min(100, KICKS // n) if kicks is None else kicks):
         trial = _improved(closed, _kicked(best, rng))
         if _length(closed, trial) < _length(closed, best) - 1e-12:
             best = trial
@@ -108,9 +112,12 @@ def _nearest_neighbour(D: Float[np.ndarray, "places places"]) -> Int[np.ndarray,
 
 
 def _improved(D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
-    """The tour after the best of all moves, again and again, until none shortens it."""
+    """The tour after the best reversal, or the best shift where none helps, again and again."""
     while True:
-        gain, better = min((_best_reversal(D, tour), *(_best_shift(D, tour, k) for k in (1, 2, 3))), key=lambda m: m[0])
+        gain, better = _best_reversal(D, tour)
+        for k in (1, 2, 3):
+            if gain > -1e-9:
+                gain, better = _best_shift(D, tour, k)
         if gain > -1e-9:
             return tour
         tour = better
@@ -120,10 +127,9 @@ def _best_reversal(
     D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " places"]
 ) -> tuple[float, Int[np.ndarray, " places"]]:
     """What the best reversal of a part of the tour changes, and the tour after it (2-opt)."""
-    A = D[np.ix_(tour, tour)]
-    after = np.roll(A, -1, axis=1)
-    step = after.diagonal()
-    change = np.triu(A + np.roll(after, -1, axis=0) - step[:, None] - step, 1)  # edges i, i+1 and j, j+1
+    after = _turned(tour, 1)
+    step = D[tour, after]
+    change = np.triu(D[tour[:, None], tour] + D[after[:, None], after] - step[:, None] - step, 1)
     i, j = np.unravel_index(np.argmin(change), change.shape)
     better = tour.copy()
     better[i + 1 : j + 1] = tour[i + 1 : j + 1][::-1]
@@ -137,20 +143,25 @@ def _best_shift(
     n = len(tour)
     if n < k + 3:
         return 0.0, tour
-    first, last, before, behind = (np.roll(tour, shift) for shift in (0, 1 - k, 1, -k))
+    first, last, before, behind = (_turned(tour, shift) for shift in (0, k - 1, -1, k))
     saved = D[before, first] + D[last, behind] - D[before, behind]
-    here, there = tour[:, None], np.roll(tour, -1)[:, None]  # inserted between these
+    here, there = tour[:, None], _turned(tour, 1)[:, None]  # inserted between these
     straight, turned = D[here, first] + D[last, there], D[here, last] + D[first, there]
     change = np.minimum(straight, turned) - D[here, there] - saved
     offset = (np.arange(n)[:, None] - np.arange(n)) % n
     change[(offset < k) | (offset == n - 1)] = 0.0  # into itself, or where it is already
     at, i = np.unravel_index(np.argmin(change), change.shape)
-    rolled = np.roll(tour, -i)
+    rolled = _turned(tour, int(i))
     segment, rest = rolled[:k], rolled[k:]
     if turned[at, i] < straight[at, i]:
         segment = segment[::-1]
     place = int(offset[at, i]) - k + 1
     return float(change[at, i]), np.concatenate([rest[:place], segment, rest[place:]])
+
+
+def _turned(tour: Int[np.ndarray, " places"], shift: int) -> Int[np.ndarray, " places"]:
+    """The tour begun `shift` places later."""
+    return np.concatenate([tour[shift:], tour[:shift]])
 
 
 def _kicked(tour: Int[np.ndarray, " places"], rng: np.random.Generator) -> Int[np.ndarray, " places"]:

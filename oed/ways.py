@@ -1,4 +1,4 @@
-"""The ways between touches: straight in joint space, clear of jig and arm, and touches that none leads to."""
+"""The ways between touches: straight in joint space, clear of jig and arm; an order along them; touches off them."""
 
 from dataclasses import dataclass
 
@@ -6,12 +6,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
+from identify.model.descent import LEVER
+from identify.model.touch import Plan
 from oed.clearance import CLEAR, MARGIN, Clearance
-from oed.sequence import between
+from oed.judgement import WIRE
+from oed.sequence import Order, order
 from oed.torch import STICKOUT
 
-SAMPLES = 17  # postures of a way that are checked for clearance
-FINE = 33  # points of a way at which the tip is looked at: the bare wire is thin
+COARSE = 0.2  # [rad] a joint may turn between two postures that are looked at, of ways that could be taken
+FINE = 0.03  # [rad], of ways that are taken: what swings half a metre moves less than a nozzle is thick
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,35 +24,67 @@ class Ways:
     clearance: Clearance
 
     def clear(
-        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
     ) -> Bool[np.ndarray, " ways"]:
-        """Ways on which arm and torch keep half the usual margin and the bare wire stays out of the solid boxes."""
-        ok = self._wire_outside(start, end)
-        left = np.flatnonzero(ok)
-        q = between(start[left], end[left], SAMPLES)
-        hits = self.clearance.hits(q.reshape(-1, q.shape[2]), margin=MARGIN / 2).reshape(q.shape[:2])
-        ok[left] = np.all(hits == CLEAR, axis=1)
+        """Ways on which arm and torch keep half the usual margin, and the bare wire, between looks too, its own."""
+        ok = np.ones(len(start), dtype=bool)
+        owner, q = self._postures(start, end, step)
+        if not len(owner):
+            return ok
+        ok[owner[self._wire_near(owner, q)]] = False
+        left = np.flatnonzero(ok[owner])
+        ok[owner[left[self.clearance.hits(q[left], margin=MARGIN / 2) != CLEAR]]] = False
         return ok
 
     def among(self, q: Float[np.ndarray, "poses joints"]) -> Bool[np.ndarray, "poses poses"]:
-        """Between every two poses."""
+        """Ways between every two poses that seem clear at a coarse look."""
         a, b = np.triu_indices(len(q), 1)
         out = np.eye(len(q), dtype=bool)
-        out[a, b] = out[b, a] = self.clear(q[a], q[b])
+        out[a, b] = out[b, a] = self.clear(q[a], q[b], COARSE)
         return out
 
-    def _wire_outside(
-        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
-    ) -> Bool[np.ndarray, " ways"]:
-        cell = self.clearance.cell
-        q = between(start, end, FINE)
-        tip, R = cell.kinematics.tip(q.reshape(-1, q.shape[2]), self.clearance.theta)
-        out = np.ones(len(q), dtype=bool)
+    def order(
+        self, cell: Cell, plan: Plan, rng: np.random.Generator, kicks: int | None = None
+    ) -> tuple[Order, Bool[np.ndarray, "touches touches"]]:
+        """A short order along clear ways, each looked at finely, and which ways were taken for clear."""
+        clear = self.among(plan.approach)
+        sure = np.zeros_like(clear)
+        start = None
+        while True:
+            found = order(cell, plan, clear, rng, start=start, kicks=kicks)
+            start, kicks = found.index, 0
+            a, b = found.index[:-1], found.index[1:]
+            new = np.flatnonzero(clear[a, b] & ~sure[a, b])
+            fine = self.clear(plan.approach[a[new]], plan.approach[b[new]])
+            a, b = a[new], b[new]
+            clear[a, b] = clear[b, a] = fine
+            sure[a, b] = sure[b, a] = True
+            if fine.all():
+                return found, clear
+
+    def _postures(
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float
+    ) -> tuple[Int[np.ndarray, " postures"], Float[np.ndarray, "postures joints"]]:
+        """Postures along ways, no farther apart than `step`, ends included; and the way that each is on."""
+        unit = np.where(self.clearance.cell.robot.prismatic, LEVER, 1.0)
+        count = 1 + np.ceil(np.maximum(np.abs((end - start) / unit).max(axis=1, initial=0.0) / step, 1)).astype(int)
+        owner = np.repeat(np.arange(len(start)), count)
+        place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        s = place / (count[owner] - 1)
+        return owner, start[owner] + s[:, None] * (end - start)[owner]
+
+    def _wire_near(
+        self, owner: Int[np.ndarray, " postures"], q: Float[np.ndarray, "postures joints"]
+    ) -> Bool[np.ndarray, " postures"]:
+        """Postures from which tip or middle of the bare wire come too near to a solid before the next one."""
+        tip, R = self.clearance.cell.kinematics.tip(q, self.clearance.theta)
+        near = np.zeros(len(q), dtype=bool)
+        going = owner[1:] == owner[:-1]
         for point in (tip, tip - STICKOUT / 2 * R[:, :, 2]):
-            for box in () if cell.jig is None else cell.jig.boxes:
-                inside: Bool[np.ndarray, " samples"] = np.all((point > box.lower) & (point < box.upper), axis=1)
-                out &= ~inside.reshape(len(q), FINE).any(axis=1)
-        return out
+            start, end = point[:-1][going].T, point[1:][going].T
+            for solid in self.clearance.solids:
+                near[:-1][going] |= solid.segment(start, end) < WIRE
+        return near
 
 
 def astray(clear: Bool[np.ndarray, "touches touches"], blocked: Int[np.ndarray, " ways"]) -> Int[np.ndarray, " some"]:

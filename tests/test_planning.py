@@ -5,21 +5,230 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import identify
 from identify.model.files import InputError
-from oed.planning import plan
+from identify.model.tables import plan_text
+from oed.criteria import CRITERIA
+from oed.planning import plan, summary
+from oed.zone import zone_poses
+from probe.virtual.batch import touch_batch
+from probe.virtual.truth import draw_truth
+
+OFFER = 2000  # touches on offer: fewer than a user gets, for speed
+N = 30
 
 
-def test_a_plan_touches_the_planes_of_its_faces(arc_welder):
-    result = plan(arc_welder, n=30)
+def planned(cell, n=N, **options):
+    return plan(cell, n, rng=np.random.default_rng(3), count=OFFER, **options)
 
-    wire, q = arc_welder.wire, result.plan.q
-    tip, R = arc_welder.kinematics.tip(q, arc_welder.theta)
-    faces = [arc_welder.jig.by_name[name] for name in result.plan.face]
-    height = [f.normal @ t - f.offset for f, t in zip(faces, tip, strict=True)]
-    lean = [np.sqrt(1 - (f.normal @ r[:, 2]) ** 2) for f, r in zip(faces, R, strict=True)]
-    assert height == pytest.approx(wire.radius * np.array(lean), abs=1e-3)  # [mm], a micrometre
+
+@pytest.fixture(scope="module")
+def optimal(arc_welder):
+    return planned(arc_welder)
+
+
+@pytest.fixture(scope="module", params=["even", "random"])
+def plain(request, arc_welder):
+    return planned(arc_welder, strategy=request.param)
+
+
+@pytest.fixture(scope="module", params=["optimal", "even", "random"])
+def result(request, arc_welder, optimal):
+    return optimal if request.param == "optimal" else planned(arc_welder, strategy=request.param)
+
+
+def test_a_plan_touches_the_planes_of_its_faces(arc_welder, result):
+    made, jig = result.plan, arc_welder.jig
+    tip, R = arc_welder.kinematics.tip(made.q, arc_welder.theta)
+
+    faces = [jig.by_name[name] for name in made.face]
+    height = np.array([f.normal @ t - f.offset for f, t in zip(faces, tip, strict=True)])
+    cosine = np.array([-f.normal @ r[:, 2] for f, r in zip(faces, R, strict=True)])
+    assert height == pytest.approx(arc_welder.wire.radius * np.sqrt(np.maximum(1 - cosine**2, 0)), abs=1e-3)  # [mm]
+    assert (cosine >= np.cos(arc_welder.touch.max_tilt) - 1e-9).all()
+    on = np.array([f.fractions(p) for f, p in zip(faces, made.point, strict=True)])
+    assert ((on >= 0) & (on <= 1)).all()
+
+
+def test_a_plan_stays_within_the_joint_limits(arc_welder, result):
+    robot = arc_welder.robot
+
+    for q in (result.plan.q, result.plan.approach):
+        assert ((q >= robot.lower) & (q <= robot.upper)).all()
+
+
+def test_the_tip_stays_out_of_the_jig_on_the_way_from_touch_to_touch(arc_welder, result):
+    """Looked at every 2 % of the way, by the boxes of the jig alone."""
+    start, end = result.plan.approach[:-1], result.plan.approach[1:]
+    s = np.linspace(0, 1, 51)[:, None, None]
+
+    tip = arc_welder.kinematics.tip((start + s * (end - start)).reshape(-1, start.shape[1]), arc_welder.theta)[0]
+
+    for box in arc_welder.jig.boxes:
+        assert not ((tip > box.lower) & (tip < box.upper)).all(axis=1).any()
+    assert not any("way" in note for note in result.notes)
+
+
+def test_the_optimal_plan_promises_less_than_half_the_error_of_others(optimal, plain):
+    assert optimal.promise.rms_mm < 0.75 * plain.promise.rms_mm
+
+
+def test_what_is_promised_is_delivered(arc_welder, optimal):
+    """Thirty robots near nominal, touched and identified as in life: their tip errors at new poses of the zone."""
+    q = zone_poses(arc_welder, poses=100, rng=np.random.default_rng(77))
+    squares = []
+
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        truth = draw_truth(arc_welder, rng, scale=0.1, jig=True)
+        touches = touch_batch(arc_welder, truth, optimal.plan, rng)
+        found = identify.calibrate(arc_welder, touches.take(np.array(touches.status) == "hit"), folds=0, loss="linear")
+        tips = [arc_welder.kinematics.tip(q, theta)[0] for theta in (truth.theta, found.theta)]
+        squares.append(((tips[0] - tips[1]) ** 2).sum(axis=1))
+
+    assert np.sqrt(np.mean(squares)) == pytest.approx(optimal.promise.rms_mm, rel=0.15)
+    assert np.percentile(np.sqrt(squares), 95) == pytest.approx(optimal.promise.p95_mm, rel=0.2)
+
+
+def test_the_same_seed_gives_the_same_plan(arc_welder, optimal):
+    again = planned(arc_welder)
+
+    assert plan_text(again.plan, arc_welder.robot) == plan_text(optimal.plan, arc_welder.robot)
+
+
+def test_the_summary_has_what_the_command_promises(optimal):
+    told = summary(optimal)
+
+    assert {
+        "touches",
+        "criterion",
+        "indices",
+        "efficiency",
+        "efficiency_covers",
+        "promise",
+        "minutes",
+        "unseen",
+    } <= set(told)
+    assert told["touches"] == N
+    assert set(told["indices"]) == set(CRITERIA)
+    assert told["efficiency_covers"] in ("candidates", "manifold")
+    assert 0 < told["manifold"] < told["efficiency"] < 1.1
+    assert N * 5 / 60 < told["minutes"] < N * 20 / 60
+
+
+def test_the_curve_passes_through_the_plan_and_falls(optimal):
+    counts, errors = zip(*optimal.curve, strict=True)
+
+    assert dict(optimal.curve)[N] == pytest.approx(optimal.promise.p95_mm)
+    assert list(counts) == sorted(counts)
+    assert (np.diff(errors) < 0).all()
+
+
+def test_progress_goes_from_nothing_to_all(arc_welder):
+    heard = []
+
+    planned(arc_welder, strategy="random", progress=lambda what, share: heard.append((what, share)))
+
+    shares = [share for _, share in heard]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("criterion", ["G", "O4", "E"])
+def test_any_criterion_of_the_table_plans(arc_welder, criterion):
+    result = planned(arc_welder, criterion=criterion)
+
+    assert len(result) == N
+    assert result.manifold is None
+
+
+def test_touches_after_a_calibration_add_to_what_is_known(arc_welder, optimal):
+    rng = np.random.default_rng(1)
+    truth = draw_truth(arc_welder, rng, scale=0.2)
+    first = identify.calibrate(arc_welder, touch_batch(arc_welder, truth, optimal.plan, rng), folds=0, loss="linear")
+
+    more = planned(arc_welder, 8, after=first)
+
+    tip, R = arc_welder.kinematics.tip(more.plan.q, first.theta)
+    height = [
+        arc_welder.jig.by_name[f].normal @ p - arc_welder.jig.by_name[f].offset
+        for f, p in zip(more.plan.face, tip, strict=True)
+    ]
+    assert np.abs(height).max() <= arc_welder.wire.radius + 1e-3  # on the faces by the calibrated robot
+    assert len(more) == 8
+    assert more.promise.p95_mm < optimal.promise.p95_mm
+    assert R.shape == (8, 3, 3)
+
+
+def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(arc_welder):
+    from oed.choice import mean_square, robust
+    from oed.information import drawn
+    from oed.offer import offer
+
+    offered = offer(arc_welder, np.random.default_rng(3), count=OFFER)
+    models = drawn(offered.known, 6, np.random.default_rng(8))
+    rows = [offered.rows_at(theta) for theta in models]
+    B = [mean_square(offered.known.tip_rows(offered.zone, theta)) for theta in models]
+    everything = np.ones(len(offered.found), dtype=bool)
+
+    def worst(index):
+        return max(np.trace(b @ offered.known.covariance(F[index])) for b, F in zip(B, rows, strict=True))
+
+    chosen = {flag: robust(offered, N, models, True, flag)(everything, None) for flag in (True, False)}
+    nominal = robust(offered, N, offered.known.theta[None], True, False)(everything, None)
+
+    assert worst(chosen[True]) < worst(nominal)
+    assert worst(chosen[True]) < worst(chosen[False])
+
+
+def test_a_robust_plan_can_be_made(arc_welder):
+    assert len(planned(arc_welder, robust=2)) == N
+
+
+def test_a_target_is_met_with_few_touches(arc_welder):
+    result = plan(arc_welder, target=0.16, rng=np.random.default_rng(3), count=OFFER)
+
+    assert result.promise.p95_mm <= 0.16
+    assert len(result) < 45
+
+
+def test_a_target_that_no_number_of_touches_meets_gets_the_floor(arc_welder):
+    with pytest.raises(InputError, match=r"no number of touches can promise it.*alone leaves 0\.0\d+ mm"):
+        plan(arc_welder, target=0.02, rng=np.random.default_rng(3), count=OFFER)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"n": 24}, "24 touches cannot determine the 25 identifiable parameters"),
+        ({"n": OFFER + 1}, "only 2000 were found"),
+        ({"criterion": "O9"}, "criterion 'O9' is not known.*choose one of O1"),
+        ({"strategy": "evn"}, "did you mean 'even'"),
+        ({"target": 0.1, "n": 30}, "give one"),
+        ({"target": -1.0, "n": None}, "above 0"),
+    ],
+)
+def test_a_plan_that_cannot_be_says_why_in_a_sentence(arc_welder, options, sentence):
+    with pytest.raises(InputError, match=sentence):
+        plan(arc_welder, **{"n": N, "count": OFFER} | options)
 
 
 def test_a_cell_without_a_jig_gets_one_sentence(arc_welder):
     with pytest.raises(InputError, match="no jig to touch"):
         plan(replace(arc_welder, jig=None), n=30)
+
+
+def test_a_jig_out_of_reach_gets_its_distance(arc_welder):
+    far = replace(arc_welder, base=arc_welder.base + np.array([3000.0, 0, 0, 0, 0, 0]))
+
+    with pytest.raises(InputError, match=r"\d+ mm"):
+        plan(far, n=30, count=OFFER)
+
+
+def test_a_jig_of_one_face_leaves_directions_unseen_and_names_the_face_to_add(arc_welder):
+    top = replace(arc_welder.jig, faces=(arc_welder.jig.by_name["top-high"],))
+
+    result = planned(replace(arc_welder, jig=top))
+
+    assert any("base.x" in sentence or "base.y" in sentence for sentence in result.unseen)
+    assert any("add a face that looks along" in sentence for sentence in result.unseen)

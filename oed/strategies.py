@@ -1,0 +1,139 @@
+"""The strategies of planning: optimal, even and random, each from an offer to touches in the order of making them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from oed.aim import Aim
+from oed.candidates import Candidates
+from oed.certificate import certify
+from oed.choice import Pick, Visit, mean_square, optimal, robust, visited
+from oed.criteria import CRITERIA
+from oed.even import even
+from oed.information import drawn, touch_sigma
+from oed.offer import Offer, plan_of
+from oed.refinement import Refinement, refine
+from oed.relaxation import ApproximateDesign, approximate_design, phi
+from oed.sequence import Order
+
+STRATEGIES = ("optimal", "even", "random")
+GAP = 3e-3  # of the relaxation: its bound holds at any gap
+Say = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Touches in the order of making them, and how near they are to the best."""
+
+    touches: Candidates
+    order: Order
+    efficiency: float | None = None  # against the bound on the touches on offer that can be visited
+    manifold: float | None = None  # against the bound on all touches, as far as they were looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What a plan is to be: by which criterion, from which offer, how."""
+
+    offered: Offer
+    criterion: str
+    strategy: str
+    rng: np.random.Generator
+    draws: int = 0  # robots that the touches have to suit, besides the most likely one
+    worst: bool = False
+
+    @cached_property
+    def aim(self) -> Aim:
+        """The criterion itself where it is smooth, else the smooth one that is nearest to it."""
+        if CRITERIA[self.criterion].swaps == "determinant":
+            return Aim()
+        zone = CRITERIA[self.criterion].needs_zone
+        return Aim(mean_square(self.offered.tip) if zone else np.eye(len(self.offered.known.names)))
+
+    @property
+    def smooth(self) -> bool:
+        """Whether `aim` is the criterion itself."""
+        return CRITERIA[self.criterion].swaps != "screened"
+
+    @cached_property
+    def zone(self) -> np.ndarray | None:
+        """What the criterion has to know of the weld zone."""
+        if not CRITERIA[self.criterion].needs_zone:
+            return None
+        return mean_square(self.offered.tip) if self.criterion == "V" else self.offered.tip
+
+    def quickly(self, n: int) -> Candidates:
+        """Touches as the strategy has them, not refined and not ordered."""
+        everything = np.ones(len(self.offered.found), dtype=bool)
+        return self.offered.found.take(self._pick(n)(everything, None))
+
+    def choose(self, n: int, say: Say) -> Choice:
+        """Touches in an order; ways that cannot be kept clear are part of it."""
+        say("choosing", 0.0)
+        visit = visited(self.offered, self._pick(n), self.rng)
+        touches = self.offered.found.take(visit.order.index)
+        if self.strategy != "optimal" or self.draws:
+            return Choice(*self._ordered(touches))
+        say("bounding", 0.3)
+        bound = self._bound(visit, n)
+        say("refining", 0.5)
+        refinement = Refinement(self.offered.known, self.offered.judge)
+        touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.4 * share))
+        say("bounding", 0.9)
+        M = self._information(self._rows(touches))
+        manifold = certify(
+            self.offered, refinement, self.aim, bound.weights, n, visit.allowed
+        ).efficiency(self.aim, M)  # fmt: skip
+        return Choice(touches, found, self._efficiency(M, bound), manifold if self.smooth else None)
+
+    def _pick(self, n: int) -> Pick:
+        offered, rng = self.offered, self.rng
+        if self.strategy == "even":
+            return lambda allowed, before: even(offered.found, n, allowed)
+        if self.strategy == "random":
+            return lambda allowed, before: rng.choice(np.flatnonzero(allowed), n, replace=False)
+        if self.draws:
+            models = np.concatenate([offered.known.theta[None], drawn(offered.known, self.draws, rng)])
+            return robust(offered, n, models, self.aim.B is not None, self.worst)
+        return optimal(offered, n, self.aim)
+
+    def _bound(self, visit: Visit, n: int) -> ApproximateDesign:
+        """The best weights on touches that can be visited, and the bound that they give."""
+        some, known = np.flatnonzero(visit.allowed), self.offered.known
+        rows = self.offered.rows[some]
+        found = approximate_design(rows, self.criterion, GAP, touches=n, prior=known.precision, zone=self.zone)
+        weights = np.zeros(len(visit.allowed))
+        weights[some] = found.weights
+        return replace(found, weights=weights)
+
+    def _refined(
+        self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
+    ) -> tuple[Candidates, Order]:
+        """Touches moved to where they tell more, as far as the ways between them stay clear."""
+        moved, found = self._ordered(refine(refinement, touches, self._value, self.aim.weight, progress=say))
+        return (moved, found) if not found.blocked else self._ordered(touches)
+
+    def _ordered(self, touches: Candidates) -> tuple[Candidates, Order]:
+        found, _ = self.offered.ways.order(self.offered.known.cell, plan_of(touches), self.rng)
+        return touches.take(found.index), found
+
+    def _value(self, rows: Float[np.ndarray, "touches kept"]) -> float:
+        """Of the criterion, as a logarithm."""
+        M = self._information(rows)
+        return self.aim.value(M) if self.smooth else float(np.log(max(self._phi(M), 1e-300)))
+
+    def _phi(self, M: Float[np.ndarray, "kept kept"]) -> float:
+        return phi(CRITERIA[self.criterion], M, self.zone)
+
+    def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches kept"]:
+        sigma = touch_sigma(self.offered.known.cell, touches.names())
+        return self.offered.known.rows(touches.q, touches.normal, sigma)
+
+    def _information(self, rows: Float[np.ndarray, "touches kept"]) -> Float[np.ndarray, "kept kept"]:
+        return self.offered.known.precision + rows.T @ rows
+
+    def _efficiency(self, M: Float[np.ndarray, "kept kept"], bound: ApproximateDesign) -> float | None:
+        return float(self._phi(M) / bound.level) if np.isfinite(bound.level) else None
