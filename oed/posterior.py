@@ -1,0 +1,192 @@
+"""What a few touches and the tolerances tell together, while the touches alone could not determine the robot."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.calibration import Calibration, Errors, Residual, fingerprints, summarize
+from identify.model.cell import Cell
+from identify.model.measurement import Rows, measurement_model, rows
+from identify.model.touch import Touches
+
+STEPS = 30  # of Gauss and Newton; six are usual
+BEYOND = 5.0  # standard deviations at which a touch is on something else
+DRAWS = 1000  # robots that the tolerances allow, looked at for starts
+STARTS = 16
+BLUR = (20.0, 8.0, 3.0, 1.0)  # [mm], how exactly touches are taken while it is being found out what they met
+RARE = 6.0  # -2 log of how much rarer another face is met than the planned one
+ALIKE = 0.7  # least cosine between the normals of the planned face and of one that the search may meet instead
+REST = 2.0  # [mm], by which a contact may lie beside its face, beside three standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """The most probable robot, how far it may be off, and the touches on the faces that they most probably met."""
+
+    theta: Float[np.ndarray, " parameters"]  # [mm, rad]
+    covariance: Float[np.ndarray, "parameters parameters"]  # [mm, rad]
+    touches: Touches  # `face` is what was met, as far as can be told
+    used: Bool[np.ndarray, " touches"]  # those that agree with the rest
+
+    def as_planned(self, touches: Touches) -> Bool[np.ndarray, " touches"]:
+        """Touches that agree with the rest, and met what they were meant to."""
+        return self.used & np.array([a == b for a, b in zip(self.touches.face, touches.face, strict=True)], dtype=bool)
+
+
+def believe(cell: Cell, touches: Touches) -> Belief:
+    """The most probable parameters (MAP) and faces met; nothing is eliminated, only what is called fixed stays.
+
+    A robot that is badly known may meet another face than the planned one, and the controller cannot tell. So faces are
+    found together with the parameters: from many robots that the tolerances allow, by turns the nearest faces and the
+    parameters, with touches taken more and more exactly; the most probable end is returned.
+    """
+    search = _Search(cell, touches)
+    ends = [search.settle(start) for start in search.starts()]
+    theta, face = min(ends, key=lambda end: search.surprise(*end))
+    return search.belief(theta, face)
+
+
+@dataclass(eq=False)
+class _Search:
+    cell: Cell
+    touches: Touches
+
+    def __post_init__(self) -> None:
+        assert self.cell.jig is not None
+        faces = self.cell.jig.faces
+        self.free = free(self.cell)
+        self.prior = self.cell.prior[self.free]
+        self.model = measurement_model(self.cell.robot)
+        self.rows = rows(self.cell.wire, [self.touches])
+        self.names = tuple(f.name for f in faces)
+        self.normal, self.offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])
+        self.origin, self.size = np.stack([f.origin for f in faces]), np.stack([f.size for f in faces])
+        self.axes = np.stack([np.stack([f.u, f.v]) / f.size[:, None] for f in faces])
+        self.planned = np.array([self.names.index(name) for name in self.touches.face])
+
+    def starts(self) -> list[Float[np.ndarray, " parameters"]]:
+        """The nominal robot, and those drawn from the tolerances that fit the touches best."""
+        rng = np.random.default_rng(0)
+        drawn = np.tile(self.cell.theta, (DRAWS, 1))
+        drawn[:, self.free] += self.prior * rng.standard_normal((DRAWS, len(self.prior)))
+        score = np.array([np.minimum(self._misfit(theta, BLUR[0]).min(axis=1), 9.0).sum() for theta in drawn])
+        best = np.argsort(score)[:STARTS]
+        return [self.cell.theta, *drawn[best]]
+
+    def settle(
+        self, theta: Float[np.ndarray, " parameters"]
+    ) -> tuple[Float[np.ndarray, " parameters"], Int[np.ndarray, " touches"]]:
+        """Parameters and faces that belong together."""
+        face = self.nearest(theta, BLUR[0])
+        for blur in BLUR:
+            for _ in range(6):
+                theta, _ = self.solve(theta, face, np.full(len(face), blur), steps=3)
+                again = self.nearest(theta, blur)
+                if np.array_equal(again, face):
+                    break
+                face = again
+        return theta, face
+
+    def surprise(self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]) -> float:
+        """Minus twice the logarithm of the posterior density; what is far from every face counts as an outlier."""
+        off = ((theta - self.cell.theta)[self.free] / self.prior) ** 2
+        misfit = self._misfit(theta, BLUR[-1])[np.arange(len(face)), face]
+        return float(off.sum() + np.minimum(misfit, BEYOND**2).sum() + RARE * (face != self.planned).sum())
+
+    def belief(self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]) -> Belief:
+        """The most probable parameters with touches as exact as they are, without those that do not agree."""
+        sigma, used = self.rows.sigma, np.ones(len(face), dtype=bool)
+        for _ in range(len(face)):
+            theta, C = self.solve(theta, face, np.where(used, sigma, np.inf), steps=STEPS)
+            r, J = self._linearize(theta, face)
+            W = J[:, self.free] * self.prior / sigma[:, None]
+            known = np.einsum("ij,jk,ik->i", W, C, W)
+            left = np.sqrt(np.clip(1 - known, 1e-9, 1))
+            away = np.where(used, np.abs(r) / sigma / left, 0.0)
+            worst = int(np.argmax(away))
+            if away[worst] <= BEYOND:
+                break
+            used[worst] = False
+        covariance = np.zeros((len(theta), len(theta)))
+        covariance[np.ix_(self.free, self.free)] = C * np.outer(self.prior, self.prior)
+        met = replace(
+            self.touches, face=tuple(self.names[i] for i in face), normal=self.normal[face], offset=self.offset[face]
+        )
+        return Belief(theta, covariance, met, used)
+
+    def nearest(self, theta: Float[np.ndarray, " parameters"], blur: float) -> Int[np.ndarray, " touches"]:
+        """The face that every touch met most probably; the planned one where that is hardly less probable."""
+        misfit = self._misfit(theta, blur)
+        misfit[np.arange(len(misfit)), self.planned] -= RARE
+        return np.argmin(misfit, axis=1)
+
+    def solve(
+        self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"],
+        sigma: Float[np.ndarray, " touches"], steps: int,
+    ) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, "free free"]]:  # fmt: skip
+        """Most probable parameters for given faces, and the covariance of the free ones in units of their priors."""
+        theta = theta.copy()
+        for _ in range(steps):
+            r, J = self._linearize(theta, face)
+            W = J[:, self.free] * self.prior / sigma[:, None]
+            M = W.T @ W + np.eye(len(self.prior))
+            pull = (self.cell.theta - theta)[self.free] / self.prior
+            step = np.linalg.solve(M, pull - W.T @ (r / sigma))
+            theta[self.free] += self.prior * step
+            if np.abs(step).max() < 1e-9:
+                break
+        return theta, np.linalg.inv(M)
+
+    def _linearize(
+        self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]
+    ) -> tuple[Float[np.ndarray, " touches"], Float[np.ndarray, "touches parameters"]]:
+        ball = self.cell.wire.radius if self.cell.wire.shape == "ball" else 0.0
+        found = replace(self.rows, normal=self.normal[face], offset=self.offset[face] + ball)
+        return self.model.linearize(theta, found)
+
+    def _misfit(self, theta: Float[np.ndarray, " parameters"], blur: float) -> Float[np.ndarray, "touches faces"]:
+        """Squared distances of the tip from every face, its edges considered, in units of the blur."""
+        tip = self.cell.kinematics.tip(self.rows.q, theta)[0]
+        high = tip @ self.normal.T - self.offset
+        local = np.einsum("fai,mfi->mfa", self.axes, tip[:, None] - self.origin)
+        beside = np.maximum(np.maximum(-local, local - self.size) - REST, 0.0)
+        alike = self.normal[self.planned] @ self.normal.T > ALIKE
+        return np.where(alike, (high**2 + (beside**2).sum(axis=2)) / blur**2, np.inf)
+
+
+def free(cell: Cell) -> Bool[np.ndarray, " parameters"]:
+    """Parameters that may differ from the cell file, by known tolerances."""
+    fixed = np.array([name in cell.fixed for name in cell.robot.parameters])
+    return np.asarray(~fixed & np.isfinite(cell.prior) & (cell.prior > 0))
+
+
+def provisional(cell: Cell, belief: Belief) -> Calibration:
+    """A belief in the shape of a calibration, to plan touches after it; all free parameters are in it."""
+    names, known = cell.robot.parameters, free(cell)
+    found: Rows = rows(cell.wire, [belief.touches])
+    model, ids = measurement_model(cell.robot), belief.touches.ids
+    before, after = (model.residual(theta, found) for theta in (cell.theta, belief.theta))
+    good = after[belief.used]
+    return Calibration(
+        cell=cell, theta=belief.theta, start=cell.theta,
+        estimated=tuple(name for name, use in zip(names, known, strict=True) if use), combinations={},
+        covariance=belief.covariance[np.ix_(known, known)], scatter=1.0, scatter_significant=False, weak=(),
+        outliers={ids[i]: float(after[i]) for i in np.flatnonzero(~belief.used)},
+        fit=summarize(good) if len(good) else Errors(0, 0.0, 0.0, 0.0, 0.0), held_out=None,
+        residuals={
+            name: Residual(float(was), float(now), bool(use))
+            for name, was, now, use in zip(ids, before, after, belief.used, strict=True)
+        },
+        fingerprints=frozenset(fingerprints(found.q, found.offset[:, None])), iterations=0, solve_s=0.0,
+    )  # fmt: skip
+
+
+def believed(cell: Cell, theta: Float[np.ndarray, " parameters"]) -> Cell:
+    """The cell with its robot as it is believed to be, in place of its drawing: for motions near the jig."""
+    links = theta[6:-6].reshape(-1, 5)
+    joints = tuple(
+        replace(joint, theta=theta_, d=d, a=a, alpha=alpha, beta=beta)
+        for joint, (theta_, d, a, alpha, beta) in zip(cell.robot.joints, links.tolist(), strict=True)
+    )
+    return replace(cell, robot=replace(cell.robot, joints=joints), base=theta[:6].copy(), tool=theta[-6:].copy())

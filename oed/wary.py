@@ -1,0 +1,162 @@
+"""Touches for a badly known robot: chosen quickly, and visited on ways that are clear for nearly all that it may be."""
+
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.calibration import Calibration
+from identify.model.cell import Cell
+from identify.model.touch import Plan
+from oed.aim import Aim
+from oed.choice import mean_square, optimal, visited
+from oed.information import drawn
+from oed.offer import Offer, offer, plan_of
+from oed.sequence import between
+from oed.torch import STICKOUT
+from oed.ways import FINE, Ways
+
+ROUGH = 3000  # candidates: what is believed of the robot is not worth more care yet
+ROBOTS = 24  # drawn from what is known
+RISKS = (0.0, 0.1, 0.3, 1.0)  # share of them that may hit the jig on a way, the least that lets an order be found
+POINTS = 33  # of a way
+LOOKS = 1000  # at places, for an order
+ROOM = 3.0  # [mm], between wire and jig
+
+
+@dataclass(frozen=True, eq=False)
+class WaryWays(Ways):
+    """Ways on which the wire of nearly all robots stays out of the solid boxes."""
+
+    robots: Float[np.ndarray, "robots parameters"] = field(default_factory=lambda: np.empty((0, 0)))
+    risk: float = 1.0
+
+    def clear(
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
+    ) -> Bool[np.ndarray, " ways"]:
+        """As the usual ways are, and for nearly all robots."""
+        return super().clear(start, end, step) & (self._hits(start, end) <= self.risk)
+
+    def _hits(
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
+    ) -> Float[np.ndarray, " ways"]:
+        """Share of the robots that hit the jig on each way."""
+        cell = self.clearance.cell
+        q = between(start, end, POINTS)
+        hits = np.zeros(len(q))
+        for theta in self.robots:
+            tip, R = cell.kinematics.tip(q.reshape(-1, q.shape[2]), theta)
+            inside = np.zeros(len(tip), dtype=bool)
+            for point in (tip, tip - STICKOUT / 2 * R[:, :, 2]):
+                for box in () if cell.jig is None else cell.jig.boxes:
+                    low, high = np.array(box.lower) - ROOM, np.array(box.upper) + ROOM
+                    inside |= np.all((point > low) & (point < high), axis=1)
+            hits += inside.reshape(len(q), POINTS).any(axis=1)
+        return hits / max(len(self.robots), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class WaryOffer(Offer):
+    """An offer whose ways are clear for nearly all robots that what is known allows."""
+
+    risk: float = 1.0
+
+    @cached_property
+    def ways(self) -> WaryWays:
+        """Which ways between postures are clear."""
+        return WaryWays(self.judge.clearance, drawn(self.known, ROBOTS, np.random.default_rng(0)), self.risk)
+
+
+def plan_warily(
+    cell: Cell,
+    n: int,
+    rng: np.random.Generator,
+    after: Calibration | None = None,
+    trail: Plan | None = None,
+) -> Plan:
+    """A plan for a badly known robot, that begins with a clear way from the last touch of a trail."""
+    found = offer(cell, rng, after=after, count=ROUGH)
+    for risk in RISKS:
+        offered = WaryOffer(found.known, found.found, risk)
+        order = visited(offered, optimal(offered, n, Aim(mean_square(offered.tip))), rng).order
+        plan = plan_of(offered.found.take(order.index))
+        started = begun(plan, offered.ways, trail)
+        if not order.blocked and (trail is None or started is not plan):
+            break
+    return started
+
+
+def begun(plan: Plan, ways: Ways, trail: Plan | None) -> Plan:
+    """The plan in an order that begins with a clear way from the last touch of a trail, where the robot stands.
+
+    Where there is none, a touch of the trail that leads on is made once more, first.
+    """
+    if trail is None:
+        return plan
+    stands, at = trail.approach[-1:], plan.approach
+    bridges = [None, *range(len(trail) - 2, -1, -1)]
+    open_ = [True, *ways.clear(np.tile(stands, (len(trail) - 1, 1)), trail.approach[-2::-1]).tolist()]
+    if len(open_) > 1:
+        open_[1] = True  # the robot has come that way
+    for anew in (False, True):
+        for bridge, usable in zip(bridges, open_, strict=True):
+            start = stands if bridge is None else trail.approach[bridge : bridge + 1]
+            if usable and (found := _from(start, at, ways, anew)) is not None:
+                return plan.take(found) if bridge is None else _after(trail, bridge, plan.take(found))
+    return plan
+
+
+def _from(
+    start: Float[np.ndarray, "1 joints"], at: Float[np.ndarray, "touches joints"], ways: Ways, anew: bool
+) -> Int[np.ndarray, " touches"] | None:
+    """An order with clear ways from a start: one found anew, or the one that is there, or its reverse."""
+    places = np.vstack([start, at])
+    if anew:
+        found = _walk(ways.among(places), np.abs(places[:, None] - places[None]).max(axis=2))
+        return None if found is None else np.array(found[1:]) - 1
+    if not ways.clear(at[:-1], at[1:]).all():
+        return None
+    first, last = ways.clear(np.vstack([start, start]), at[[0, -1]])
+    index = np.arange(len(at))
+    return index if first else index[::-1] if last else None
+
+
+def _after(trail: Plan, bridge: int, plan: Plan) -> Plan:
+    """A touch of the trail, and then the plan."""
+    once, columns = trail.take(np.array([bridge])), dict[str, Any]()
+    for name in (f.name for f in fields(Plan)):
+        a, b = getattr(once, name), getattr(plan, name)
+        columns[name] = np.concatenate([a, b]) if isinstance(a, np.ndarray) else a + b
+    return Plan(**columns)
+
+
+def _walk(clear: Bool[np.ndarray, "places places"], far: Float[np.ndarray, "places places"]) -> list[int] | None:
+    """A way through all places from the first, by clear ways, the nearest first; None where none is found soon.
+
+    A place with one clear way left is taken before all others, so that few steps are taken back.
+    """
+    way, left = [0], [_next(clear, far, [0])]
+    for _ in range(LOOKS):
+        if len(way) == len(clear):
+            return way
+        if left[-1]:
+            way.append(left[-1].pop(0))
+            left.append(_next(clear, far, way))
+        elif len(way) > 1:
+            way.pop()
+            left.pop()
+        else:
+            return None
+    return None
+
+
+def _next(
+    clear: Bool[np.ndarray, "places places"], far: Float[np.ndarray, "places places"], way: list[int]
+) -> list[int]:
+    """Places not visited yet that a clear way leads to, in the order in which to try them."""
+    open_ = np.setdiff1d(np.arange(len(clear)), way)
+    ways = clear[np.ix_(open_, open_)].sum(axis=1)
+    order = np.lexsort((far[way[-1], open_], ways > 1))
+    return [int(k) for k in open_[order] if clear[way[-1], k]]

@@ -1,0 +1,167 @@
+"""Touch, identify and plan by turns: against hidden robots that only the simulator knows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.model.calibration import summarize
+from identify.model.cell import Priors
+from identify.model.files import InputError
+from oed.assurance import assured
+from oed.campaign import campaign
+from oed.cli.project import Folder, touches_of
+from oed.posterior import believe, believed
+from oed.wary import plan_warily
+from oed.zone import zone_poses
+from probe.controller import TouchError
+from probe.virtual.batch import touch_batch
+from probe.virtual.truth import Truth, draw_truth
+
+
+@pytest.fixture(scope="module")
+def known(arc_welder):
+    """The cell of the paper with tolerances of a robot that was measured once."""
+    return replace(arc_welder, priors=Priors((3.0, 0.005), (3.0, 0.005), (0.5, 0.002)))
+
+
+def toucher(cell, truth, rng, calls=None):
+    def touch(job):
+        if calls is not None:
+            calls.append(job)
+        return touch_batch(replace(cell, touch=job.cell.touch), truth, job.plan, rng)
+
+    return touch
+
+
+def quickly(cell, n, rng, after):
+    return plan_warily(cell, n, rng, after)
+
+
+def errors(cell, theta, truth):
+    q = zone_poses(cell, None, 500, rng=np.random.default_rng(9))
+    return np.linalg.norm(cell.kinematics.tip(q, theta)[0] - cell.kinematics.tip(q, truth.theta)[0], axis=1)
+
+
+@pytest.fixture(scope="module")
+def done(known):
+    truth = draw_truth(known, np.random.default_rng(2))
+    rng = np.random.default_rng(3)
+    return truth, campaign(known, target_mm=0.3, rng=rng, touch=toucher(known, truth, rng), planner=quickly)
+
+
+def test_a_campaign_reaches_its_target_and_the_hidden_robot_is_within_the_promise(known, done):
+    truth, found = done
+
+    assert found.reached
+    assert summarize(errors(known, found.calibration.theta, truth)).p95_mm <= found.promised_mm <= 0.3
+
+
+def test_a_robot_known_to_its_tolerances_is_searched_farther_than_one_identified(known, done):
+    _, found = done
+
+    lengths = [stage.job.cell.touch.approach for stage in found.stages]
+    assert lengths[0] > known.touch.approach
+    assert found.stages[-1].job.deviation < found.stages[0].job.deviation / 2
+
+
+def test_a_jig_that_is_nowhere_is_said(known):
+    away = known.theta.copy()
+    away[1] -= 2000.0
+
+    with pytest.raises(TouchError, match="none of 8 touches met the jig"):
+        campaign(
+            known, target_mm=0.3, rng=np.random.default_rng(0), planner=quickly,
+            touch=toucher(known, Truth(away), np.random.default_rng(0)),
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(("wrong", "sentence"), [({"target_mm": 0.0}, "target"), ({"max_touches": 20}, "20 touches")])
+def test_what_cannot_be_is_refused_before_the_first_touch(known, wrong, sentence):
+    calls = []
+
+    with pytest.raises(InputError, match=sentence):
+        campaign(known, **({"target_mm": 0.3} | wrong), rng=np.random.default_rng(0), touch=calls.append)
+
+    assert calls == []
+
+
+def test_the_promise_is_the_95th_percentile_of_a_known_law():
+    # one direction, one pose: |error| of a normal law stays below 1.96 sigma for 95 of 100 robots
+    tip = np.zeros((1, 3, 1))
+    tip[0, 0, 0] = 2.0
+
+    assert assured(tip, np.array([[0.25]])) == pytest.approx(1.96, rel=0.1)  # 400 draws
+
+
+def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(known, done):
+    truth, found = done
+    made = found.stages[-1].touches.take(np.array([s == "hit" for s in found.stages[-1].touches.status]))
+    tip = known.kinematics.tip(made.q, truth.theta)[0]
+    high = int(np.argmax([name.startswith("top") for name in made.face]))
+    other = next(name for name in ("top-low", "top-high") if name != made.face[high])
+    face = known.jig.by_name[other]
+    moved = replace(
+        made, face=(*made.face[:high], other, *made.face[high + 1 :]),
+        offset=np.where(np.arange(len(made)) == high, face.offset, made.offset),
+    )  # fmt: skip
+    assert abs(tip[high] @ face.normal - face.offset) > 50
+
+    belief = believe(known, moved)
+
+    assert not belief.as_planned(moved)[high]
+    assert belief.as_planned(moved).sum() >= len(moved) - 2
+
+
+def test_the_believed_cell_has_the_believed_robot(known, rng):
+    theta = draw_truth(known, rng).theta
+
+    np.testing.assert_allclose(believed(known, theta).theta, theta)
+
+
+class Killed(Exception):
+    """The program ends here."""
+
+
+@pytest.mark.parametrize("stage", [2])
+def test_a_campaign_that_was_killed_goes_on_with_the_plans_it_has(known, tmp_path, stage):
+    truth = draw_truth(known, np.random.default_rng(2))
+    inner = toucher(known, truth, np.random.default_rng(3))
+
+    def dying(job):
+        if job.number == stage:
+            raise Killed
+        return inner(job)
+
+    keep = Folder(tmp_path, known, {})
+    keep.keep_calibration = lambda number, calibration: None  # its touches are not in files here
+    options = {"target_mm": 0.5, "planner": quickly, "keep": keep}
+    with pytest.raises(Killed):
+        campaign(known, rng=np.random.default_rng(1), touch=dying, **options)
+    before = (tmp_path / f"plan-{stage}.csv").read_bytes()
+
+    inner = toucher(known, truth, np.random.default_rng(3))
+    found = campaign(known, rng=np.random.default_rng(1), touch=inner, **options)
+
+    assert found.reached
+    assert (tmp_path / f"plan-{stage}.csv").read_bytes() == before
+
+
+def test_plans_of_another_cell_or_changed_by_hand_are_refused(known, arc_welder, tmp_path, rng):
+    plan = plan_warily(known, 8, rng)
+    told = {"approach_mm": 25.0, "travel_mm": 60.0}
+    Folder(tmp_path, known, {}).keep_plan(1, plan, told)
+
+    with pytest.raises(InputError, match="another cell"):
+        Folder(tmp_path, arc_welder, {}).planned(1)
+
+    path = tmp_path / "plan-1.csv"
+    path.write_text(path.read_text().replace("0.0", "0.5", 1))
+    with pytest.raises(InputError, match="changed after it was planned"):
+        Folder(tmp_path, known, {}).planned(1)
+
+
+def test_a_stage_without_all_its_rows_is_not_complete(known, tmp_path, rng):
+    plan = plan_warily(known, 8, rng)
+
+    assert touches_of(tmp_path / "touches-1.csv", known, plan) is None
