@@ -15,6 +15,7 @@ COMMANDS = {
     "init": "Make a commented cell folder to start from.",
     "check": "Validate the cell, and compare it with poses read off the pendant.",
     "run": "Make the touches of a plan over a serial line.",
+    "campaign": "Touch, identify and plan by turns, until the robot is as accurate as asked.",
     "virtual": "Serve a virtual robot cell on a pseudo-terminal or socket.",
     "plan": "Choose the touches that tell the most about the robot.",
     "identify": "Identify the parameters that put every touch on its face.",
