@@ -33,7 +33,7 @@ class State:
     contact: bool  # the touch input, as it is now
     q: Float[np.ndarray, " joints"]  # [rad] or [mm]
     sequence: int  # number of the last command it began
-    homed: bool = True
+    homed: bool = True  # as far as it tells; one that does not refuses to move
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,6 +67,12 @@ class Journal:
         os.fsync(self._file.fileno())
         self.records.append(record)
 
+    def clear(self) -> None:
+        """Begin anew."""
+        self._file.truncate(0)
+        self._file.seek(0)
+        self.records.clear()
+
     def close(self) -> None:
         """Close the file."""
         self._file.close()

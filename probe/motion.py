@@ -156,7 +156,10 @@ class Motion:
         if state.contact:
             raise TouchError("the touch input is closed before the first motion; free the wire, or check the input")
         self.session.trusted(state.boot)
-        self._move(state.q, "", "move", state.q, self.settings.retract_speed)  # nowhere: to see that it obeys
+        try:
+            self._move(state.q, "", "move", state.q, self.settings.retract_speed)  # nowhere: to see that it obeys
+        except Refused as refusal:
+            raise TouchError(f"{refusal}; put that right, then start again") from None
 
     def _picked_up(self, state: State) -> Measured | Failed | None:
         """What came of a search that an earlier run did not finish."""

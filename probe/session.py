@@ -101,6 +101,8 @@ class Session:
         return [result for result in self.results.values() if result.status == HIT]
 
     def _open(self, resume: bool) -> None:
+        if all(map(_is_nothing, self._journal.records)) and not self._rows_on_disk():
+            self._journal.clear()
         if not self._journal.records:
             self._refuse_foreign_rows()
             self._append(self._birth())
@@ -113,9 +115,12 @@ class Session:
                 self._take(record)
         self._repair()
 
+    def _rows_on_disk(self) -> bool:
+        return self.path.exists() and len(self.path.read_bytes().split(b"\n")) > 2
+
     def _refuse_foreign_rows(self) -> None:
         """Rows that no journal knows of belong to somebody else."""
-        if self.path.exists() and len(self.path.read_bytes().split(b"\n")) > 2:
+        if self._rows_on_disk():
             raise InputError(
                 [Mistake(str(self.path), 0, "it holds touches but has no journal; write elsewhere with -o")]
             )
@@ -207,6 +212,11 @@ class Session:
 
     def _in(self, values: list[float]) -> Float[np.ndarray, " joints"]:
         return np.array(values) * self.cell.robot.joint_unit()
+
+
+def _is_nothing(record: Record) -> bool:
+    """Whether a record tells of nothing that happened: a run that ended before the robot went anywhere."""
+    return record["kind"] in ("plan", "boot") or (record["kind"] == "intent" and record["start"] == record["end"])
 
 
 def journal_path(touches: Path) -> Path:

@@ -161,7 +161,6 @@ def test_a_refusal_tells_its_code_and_its_reason_and_nothing_moves(bench: Bench,
 
     assert refusal.value.code == code
     assert bench.world.motions == []
-    assert bench.line.state().homed == (code != "UNHOMED")
 
 
 def test_a_contact_during_a_move_stops_it_and_only_the_way_back_is_open(bench: Bench) -> None:

@@ -167,9 +167,9 @@ def test_killed_at_any_byte_no_touch_is_lost_and_none_is_doubled(tmp_path: Path,
     whole = journal.read_bytes(), path.read_bytes()
 
     for (journal_before, table_before), (journal_after, _) in [*states, (whole, whole)]:
-        for cut in range(len(journal_before), len(journal_after) + 1, 7):
+        for cut in range(len(journal_before), len(journal_after) + 1, 11):
             check_resumed(path, arc_welder, plan, journal_after[:cut], table_before)
-    for cut in range(0, len(whole[1]) + 1, 3):  # the table is written after its result: cut while the journal is whole
+    for cut in range(0, len(whole[1]) + 1, 7):  # the table is written after its result: cut while the journal is whole
         check_resumed(path, arc_welder, plan, whole[0], whole[1][:cut])
 
 
@@ -226,7 +226,8 @@ def test_an_edited_table_is_written_anew_and_the_edited_one_is_kept(
 
 def test_an_earlier_session_is_not_gone_on_with_by_accident(tmp_path: Path, arc_welder: Cell, plan: Plan) -> None:
     path = tmp_path / "touches.csv"
-    Session(path, arc_welder, plan).close()
+    with Session(path, arc_welder, plan) as session:
+        touch(session, "a")
 
     with pytest.raises(InputError, match="go on with --resume"):
         Session(path, arc_welder, plan)
@@ -234,12 +235,25 @@ def test_an_earlier_session_is_not_gone_on_with_by_accident(tmp_path: Path, arc_
 
 def test_another_plan_on_the_same_session_is_refused(tmp_path: Path, arc_welder: Cell, plan: Plan) -> None:
     path = tmp_path / "touches.csv"
-    Session(path, arc_welder, plan).close()
+    with Session(path, arc_welder, plan) as session:
+        touch(session, "a")
     other = replace(plan, q=plan.q + 1e-6)
 
     with pytest.raises(InputError, match="another plan"):
         Session(path, arc_welder, other, resume=True)
     Session(path, arc_welder, plan, resume=True).close()
+
+
+def test_a_run_that_ended_before_the_robot_went_anywhere_binds_nobody(
+    tmp_path: Path, arc_welder: Cell, plan: Plan
+) -> None:
+    path, here = tmp_path / "touches.csv", plan.approach[0]
+    with Session(path, arc_welder, plan) as session:
+        session.trusted("B00T")
+        session.intend(Intent("move", "", "B00T", 1, here, here, here, 0.1))
+
+    with Session(path, arc_welder, replace(plan, q=plan.q + 0.1)) as session:
+        assert (session.boot, session.intent) == ("", None)
 
 
 def test_touches_that_no_journal_knows_are_not_written_over(tmp_path: Path, arc_welder: Cell, plan: Plan) -> None:

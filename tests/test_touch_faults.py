@@ -205,6 +205,19 @@ def test_the_emergency_stop_is_the_end_until_it_is_released(
         bench.check_touches()
 
 
+def test_an_unhomed_machine_is_told_from_a_homed_one_before_it_moves(
+    cell: Cell, plan: Plan, truth: Truth, tmp_path: Path
+) -> None:
+    with bench_of(cell, plan, truth, tmp_path) as bench:
+        bench.served.robot.health.homed = False
+        with pytest.raises(TouchError, match="not homed"):
+            bench.run()
+        assert bench.served.robot.executed == []
+        bench.served.robot.health.homed = True
+
+        assert bench.run().hits == len(plan)
+
+
 MISHAPS = ["unplug", "hang", "stall", "bounce", "open", "stuck", "early", "reboot", "estop"]
 
 

@@ -27,7 +27,6 @@ class Line:
         self.link = Link(transport, clock, timing)
         self._unit = robot.joint_unit()
         self._q: Float[np.ndarray, " joints"] | None = None  # where it stands, as far as known
-        self._homed = True
 
     def connect(self) -> None:
         """Say hello; raises LinkLost where nobody speaks TOUCH/1, and Refused where the robot is another one."""
@@ -46,7 +45,7 @@ class Line:
         """How things stand now."""
         status = self.link.patiently(self.link.status)
         self._q = self._joints(status.joints)
-        return State(status.boot, status.running, status.closed, self._q, status.sequence, self._homed)
+        return State(status.boot, status.running, status.closed, self._q, status.sequence)
 
     def move(self, q: Float[np.ndarray, " joints"], rate: float) -> Float[np.ndarray, " joints"]:
         """Move straight to `q`; where the robot stands afterwards."""
@@ -94,11 +93,7 @@ class Line:
         if len(body) > LONGEST - 12:
             body = f"{verb} {','.join(f'{value:.5f}' for value in target)} {np.degrees(rate):.3f}"
         self._q = None
-        try:
-            answer = self.link.ask(body, max(seconds, 1e-3))
-        except Refused as refusal:
-            self._homed &= refusal.code != "UNHOMED"
-            raise
+        answer = self.link.ask(body, max(seconds, 1e-3))
         return answer.kind, dict(FIELDS.findall(answer.text))
 
     def _joints(self, text: str) -> Float[np.ndarray, " joints"]:
