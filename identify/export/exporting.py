@@ -1,0 +1,32 @@
+"""Write a calibration in another format, read it again, and say how far apart the two are."""
+
+import re
+from collections.abc import Mapping
+
+from identify.export import dh, mastering, plain_json, ur_yaml, urdf
+from identify.export.formats import Exported, Format, Original, deviation
+from identify.model.calibration import Calibration
+from identify.model.files import InputError
+
+FORMATS: Mapping[str, Format] = {
+    "urdf": urdf.FORMAT,
+    "ur-yaml": ur_yaml.FORMAT,
+    "dh-csv": dh.FORMAT,
+    "json": plain_json.FORMAT,
+    "mastering-text": mastering.FORMAT,
+}
+
+
+def export(calibration: Calibration, name: str, original: Original | None = None) -> Exported:
+    """The texts of a format, and what the format costs; `original` is the URDF whose frames are kept."""
+    if name not in FORMATS:
+        raise InputError(f"format '{name}' is not known; choose one of {', '.join(FORMATS)}")
+    made = FORMATS[name]
+    files, notes = made.write(calibration, original)
+    return Exported(files, deviation(calibration, made.read(files, calibration)), notes)
+
+
+def ends_of(calibration: Calibration) -> tuple[str, str] | None:
+    """The links of the URDF that the cell's robot came from, where it came from one."""
+    found = re.search(r"from '([^']*)' to '([^']*)'$", calibration.cell.robot.source)
+    return (found[1], found[2]) if found else None

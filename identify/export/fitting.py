@@ -1,0 +1,68 @@
+"""Fit a poorer model to an identified one: the parameters that a format can carry, and nothing else."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.export.formats import sample
+from identify.model.calibration import Calibration
+from identify.model.frames import transform
+
+LEVERS = ((0.0, 0.0, 0.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0))  # [mm] from the tip: its orientation counts too
+ROUNDS = 20
+STEP = 1e-6  # of the scale of a parameter, for differences
+WEAK = 1e-6  # singular values below this part of the largest are not moved along: nearly parallel axes stay put
+
+
+def fitted(
+    calibration: Calibration, free: Sequence[str], start: Float[np.ndarray, " parameters"]
+) -> Float[np.ndarray, " parameters"]:
+    """Parameters whose tips come nearest to the identified ones, only the free ones moved from a start."""
+    names = calibration.cell.robot.parameters
+    index = [names.index(name) for name in free]
+    q, scale = sample(calibration), calibration.cell.scale[index]
+    wanted, theta = _points(calibration, q, calibration.theta[None]), start.copy()
+    for _ in range(ROUNDS):
+        steps = np.zeros((2 * len(index) + 1, len(theta)))
+        steps[np.arange(len(index)), index] = STEP * scale
+        steps[len(index) + np.arange(len(index)), index] = -STEP * scale
+        tips = _points(calibration, q, theta + steps)
+        J = (tips[: len(index)] - tips[len(index) : -1]).T / (2 * STEP)
+        move = np.linalg.lstsq(J, (wanted - tips[-1:])[0], rcond=WEAK)[0]
+        theta[index] += move * scale
+        if np.abs(move).max() < 1e-10:
+            break
+    return theta
+
+
+def independent(calibration: Calibration, names: Sequence[str]) -> list[str]:
+    """The parameters, in an order of preference, that those before them do not already carry."""
+    robot, theta = calibration.cell.robot, calibration.theta
+    index = [robot.parameters.index(name) for name in names]
+    scale = calibration.cell.scale[index]
+    steps = np.zeros((len(index) + 1, len(theta)))
+    steps[np.arange(len(index)), index] = STEP * scale
+    tips = _points(calibration, sample(calibration), theta + steps)
+    basis, kept = np.empty((tips.shape[1], 0)), list[str]()
+    for name, column in zip(names, (tips[:-1] - tips[-1:]) / STEP, strict=True):
+        rest = column - basis @ (basis.T @ column)
+        if np.linalg.norm(rest) > 1e-4 * np.linalg.norm(column):
+            basis, kept = np.column_stack([basis, rest / np.linalg.norm(rest)]), [*kept, name]
+    return kept
+
+
+def _points(
+    calibration: Calibration, q: Float[np.ndarray, "poses joints"], thetas: Float[np.ndarray, "models parameters"]
+) -> Float[np.ndarray, "models points"]:
+    """The tip and two points beside it, of several models at all poses, one row a model."""
+    tip = calibration.cell.kinematics.tip
+    p, R = tip(np.tile(q, (len(thetas), 1)), np.repeat(thetas, len(q), axis=0))
+    points = [p + R @ np.array(lever) for lever in LEVERS]
+    return np.stack(points, axis=1).reshape(len(thetas), -1)
+
+
+def folded(calibration: Calibration, theta: Float[np.ndarray, " parameters"]) -> tuple[np.ndarray, np.ndarray]:
+    """jig_T_first and last_T_tip: base and tool, with what stands before the first joint and behind the last link."""
+    robot = calibration.cell.robot
+    return transform(theta[:6]) @ robot.base_T_first, robot.last_T_flange @ transform(theta[-6:])

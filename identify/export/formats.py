@@ -1,0 +1,74 @@
+"""What every format gives: texts, and how far what was written is from what was identified."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.compensation import tip_transform
+from identify.model.calibration import Calibration
+
+POSES = 300  # at which a format is compared
+DRAWS = 20_000
+
+Forward = Callable[[Float[np.ndarray, "poses joints"]], Float[np.ndarray, "poses 4 4"]]
+
+
+@dataclass(frozen=True)
+class Original:
+    """The URDF that a robot came from, and the two ends of its chain."""
+
+    path: Path
+    base: str
+    flange: str
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far tips are apart, over poses."""
+
+    mean_mm: float
+    max_mm: float
+    max_deg: float
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A calibration in another format."""
+
+    files: Mapping[str, str]  # text by what is put behind the stem of the file's name
+    deviation: Deviation  # of what was written and read again from what was identified
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: how it is written, and how it is read again; a row of FORMATS."""
+
+    suffix: str
+    write: Callable[[Calibration, Original | None], tuple[Mapping[str, str], tuple[str, ...]]]
+    read: Callable[[Mapping[str, str], Calibration], Forward]  # jig_T_tip of what was written
+
+
+def deviation(calibration: Calibration, forward: Forward) -> Deviation:
+    """How far tips are from where the identified robot has them, over poses where accuracy counts."""
+    q = sample(calibration)
+    true, found = tip_transform(calibration, q, calibration.theta), forward(q)
+    way = np.linalg.norm(true[:, :3, 3] - found[:, :3, 3], axis=1)
+    R = np.swapaxes(true[:, :3, :3], 1, 2) @ found[:, :3, :3]
+    v = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
+    turn = np.arctan2(np.linalg.norm(v, axis=1), (np.trace(R, axis1=1, axis2=2) - 1) / 2)
+    return Deviation(float(way.mean()), float(way.max()), float(np.degrees(turn.max())))
+
+
+def sample(calibration: Calibration) -> Float[np.ndarray, "poses joints"]:
+    """Joint values within the limits, the same ones each time; those with the tip in the zone where enough are."""
+    cell = calibration.cell
+    q = np.random.default_rng(0).uniform(cell.robot.lower, cell.robot.upper, (DRAWS, len(cell.robot.joints)))
+    if cell.zone is not None:
+        tip = cell.kinematics.tip(q, calibration.theta)[0]
+        inside = ((tip > cell.zone.box[:, 0]) & (tip < cell.zone.box[:, 1])).all(axis=1)
+        q = q[inside] if inside.sum() >= POSES // 3 else q
+    return q[:POSES]

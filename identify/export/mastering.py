@@ -1,0 +1,78 @@
+"""Joint zeros, tool frame and base frame as text, for a controller that takes nothing else.
+
+They are fitted together so that the nominal links with these zeros and frames come nearest to the identified robot; a
+zero that base or tool carry already stays 0. The deviation says what is left.
+"""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.compensation import believed, tip_transform
+from identify.export.fitting import fitted, independent
+from identify.export.formats import Format, Forward, Original, deviation
+from identify.model.calibration import Calibration
+from identify.model.entries import POSE_KEYS, POSE_UNIT
+from identify.model.robot import POSE_NAMES
+
+HEADING = "{:12}{:>14}{:>26}"
+
+
+def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[str, str], tuple[str, ...]]:
+    """The text."""
+    cell, start = calibration.cell, believed(calibration)
+    frames = [f"{frame}.{name}" for frame in ("base", "tool") for name in POSE_NAMES]
+    zeros = [f"{joint.name}.{'d' if joint.prismatic else 'theta'}" for joint in cell.robot.joints]
+    free = independent(calibration, [*frames, *zeros])
+    theta = fitted(calibration, free, start)
+    offsets = np.array([theta[i] - start[i] for i in map(cell.robot.parameters.index, zeros)])
+    lines = [
+        f"Joint zeros and frames of robot '{cell.robot.name}'",
+        "",
+        HEADING.format("joint", "offset", "shown at true zero"),
+    ]
+    for joint, name, offset in zip(cell.robot.joints, zeros, offsets, strict=True):
+        unit, word = (1.0, "mm") if joint.prismatic else (180 / np.pi, "deg")
+        carried = "" if name in free else "   carried by base or tool"
+        lines.append(
+            HEADING.format(joint.name, f"{offset * unit:.6f} {word}", f"{0.0 - offset * unit:.6f} {word}") + carried
+        )
+    lines += ["", "An arm that shows q stands at q + offset: drive each joint to what it shows at its true zero, and",
+              "set it to zero there. Then enter the frames.", ""]  # fmt: skip
+    for title, values in (("tool frame (flange to tip)", theta[-6:]), ("base frame (jig to base)", theta[:6])):
+        lines.append(
+            f"{title}: " + ", ".join(f"{k} {v:.6f}" for k, v in zip(POSE_KEYS, values / POSE_UNIT, strict=True))
+        )
+    nothing = deviation(calibration, lambda q: tip_transform(calibration, q, start))
+    left = deviation(calibration, lambda q: tip_transform(calibration, q, theta))
+    lines += [
+        "",
+        "Tip error against the identified robot, mean / max:",
+        f"  nothing done {nothing.mean_mm:.3f} / {nothing.max_mm:.3f} mm",
+        f"  these zeros and frames {left.mean_mm:.3f} / {left.max_mm:.3f} mm",
+        "",
+    ]
+    return {".txt": "\n".join(lines)}, ()
+
+
+def read(files: Mapping[str, str], calibration: Calibration) -> Forward:
+    """jig_T_tip of the nominal links with the zeros and frames of the text."""
+    robot, theta, text = calibration.cell.robot, believed(calibration), files[".txt"]
+    for joint in robot.joints:
+        found = re.search(rf"^{re.escape(joint.name)}\s+(-?[\d.]+) (deg|mm)", text, re.MULTILINE)
+        assert found is not None
+        place = robot.parameters.index(f"{joint.name}.{'d' if joint.prismatic else 'theta'}")
+        theta[place] += float(found[1]) * (np.pi / 180 if found[2] == "deg" else 1.0)
+    for title, part in (("base frame", slice(0, 6)), ("tool frame", slice(-6, None))):
+        line = next(row for row in text.splitlines() if row.startswith(title))
+        theta[part] = np.array([float(v) for v in re.findall(r"_(?:mm|deg) (-?[\d.]+)", line)]) * POSE_UNIT
+
+    def tip(q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray, "poses 4 4"]:
+        return tip_transform(calibration, q, theta)
+
+    return tip
+
+
+FORMAT = Format(".txt", write, read)
