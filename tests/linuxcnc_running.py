@@ -5,10 +5,12 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -30,7 +32,7 @@ def missing() -> str:
     if absent := [
         name for name in ("linuxcnc", "linuxcncrsh", "unshare", "nsenter", "ip") if shutil.which(name) is None
     ]:
-        return f"{', '.join(absent)} not installed (Debian: apt-get install linuxcnc-uspace iproute2)"
+        return f"{', '.join(absent)} not installed (Debian: apt-get install linuxcnc-uspace)"
     if os.geteuid() != 0:
         return "a network namespace of its own needs root"
     tried = subprocess.run(["unshare", "--net", "--ipc", "--pid", "--fork", "--mount-proc", "true"], check=False)
@@ -75,17 +77,13 @@ class LinuxCNCRunning:
 
     def shut_down(self) -> int:
         """Tell LinuxCNC to end, as an operator would, and wait for it; its exit code."""
-        import socket
-
-        def tell() -> None:
-            with socket.create_connection(("127.0.0.1", 5007), 5) as line:
-                line.sendall(b"hello EMC test 1\r\nset enable EMCTOO\r\nshutdown\r\n")
-                line.settimeout(20)
-                while line.recv(4096):
-                    pass
-
-        self.inside(tell)
+        self.inside(_say_shutdown)
         return self._process.wait(30)
+
+    def restart(self) -> None:
+        """Tell LinuxCNC to end, and have it started again behind that."""
+        (self.folder / "restart").touch()
+        self.inside(_say_shutdown)
 
     def command(self, words: list[str]) -> tuple[int, str]:
         """Run a command whose network is LinuxCNC's; its exit code and what it said to stderr."""
@@ -133,6 +131,15 @@ class LinuxCNCRunning:
             return False
         listening = {line.split()[1].split(":")[1] for line in sockets[1:] if line.split()[3] == "0A"}
         return self._identity != own and listening >= {f"{int(url.rpartition(':')[2]):04X}" for url in (RSH, BRIDGE)}
+
+
+def _say_shutdown() -> None:
+    with socket.create_connection(("127.0.0.1", 5007), 5) as line:
+        line.sendall(b"hello EMC test 1\r\nset enable EMCTOO\r\nshutdown\r\n")
+        line.settimeout(20)
+        with suppress(ConnectionError):
+            while line.recv(4096):
+                pass
 
 
 def _network(process: Path) -> Path | None:

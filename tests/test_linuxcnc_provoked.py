@@ -12,7 +12,7 @@ import probe
 from identify.model.files import InputError
 from identify.model.touch import Plan
 from probe.clock import Clock
-from probe.controller import Contact, LinkLost, NoContact, Refused
+from probe.controller import Contact, LinkLost, NoContact, Rebooted, Refused
 from probe.controllers.linuxcnc import LinuxCNC
 from probe.controllers.linuxcncrsh import Shell
 from probe.transport import SerialTransport
@@ -35,14 +35,20 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LinuxCNCRunnin
         yield running
 
 
+@pytest.fixture(scope="module")
+def driver(machine: LinuxCNCRunning) -> Iterator[LinuxCNC]:
+    made = opened(machine)
+    yield made
+    made.close()
+
+
 @pytest.fixture
-def controller(machine: LinuxCNCRunning) -> Iterator[LinuxCNC]:
-    """The driver of that machine, at home before and after."""
-    found = opened(machine)
-    found.move(HOME, 1.0)
-    yield found
-    found.move(HOME, 1.0)
-    found.close()
+def controller(machine: LinuxCNCRunning, driver: LinuxCNC) -> LinuxCNC:
+    """The driver of that machine, in control of it, at home."""
+    if not driver._shell.set("mode mdi"):
+        machine.inside(driver._shell.reopen)
+    driver.move(HOME, 1.0)
+    return driver
 
 
 def opened(machine: LinuxCNCRunning, home: bool = False) -> LinuxCNC:
@@ -91,18 +97,16 @@ def test_a_search_in_free_air_ends_at_its_end(controller):
 
 def test_a_latch_outlives_the_program_that_made_it(machine, controller, plan):
     found = touch(controller, plan)
-    controller.close()
 
     heir = opened(machine)
-    latch = heir.latch()
+    latch, state = heir.latch(), heir.state()
 
     assert isinstance(found, Contact)
     assert (latch.boot, latch.sequence) == (found.boot, found.sequence)
     assert latch.q == pytest.approx(found.q, abs=1e-9)
     assert heir.sequence == found.sequence + 1
-    assert heir.state().contact
+    assert state.contact
     heir.close()
-    machine.inside(controller._shell.reopen)
 
 
 def test_a_search_that_begins_in_contact_is_refused_and_the_way_back_is_not(controller, plan):
@@ -169,7 +173,6 @@ def test_an_aborted_search_is_not_a_miss(machine, controller, monkeypatch, takes
     assert refused.value.code == code
     assert 0.1 < np.degrees(controller.state().q[0]) < 39.9
     other.transport.close()
-    machine.inside(controller._shell.reopen)
 
 
 def test_a_search_whose_line_breaks_goes_on_and_is_still_told(machine, controller, plan, monkeypatch):
@@ -206,7 +209,7 @@ def test_a_work_offset_is_refused_before_anything_moves(machine, controller, off
     controller.stop()
 
 
-@pytest.mark.parametrize(("port", "protocol"), [(RSH, "line"), (RSH, "grbl"), (BRIDGE, "linuxcnc")])
+@pytest.mark.parametrize(("port", "protocol"), [(RSH, "line"), (BRIDGE, "linuxcnc")])
 def test_a_controller_of_another_protocol_is_refused_in_one_sentence(machine, port, protocol):
     robot = cell_of_the_test().robot
 
@@ -215,3 +218,20 @@ def test_a_controller_of_another_protocol_is_refused_in_one_sentence(machine, po
 
     assert "\n" not in str(refusal.value)
     assert protocol in str(refusal.value)
+
+
+def test_a_restart_is_noticed_and_nothing_moves_until_the_operator_has_homed_it(machine, driver):
+    before = driver.state().boot
+    machine.restart()
+
+    with pytest.raises(Rebooted, match="position is not trusted any more"):
+        machine.inside(lambda: driver.move(np.radians([5.0, 0, 0, 0, 0, 0]), RATE))
+    with pytest.raises(Refused) as refused:
+        driver.move(np.radians([5.0, 0, 0, 0, 0, 0]), RATE)
+    state = driver.state()
+    again = opened(machine, home=True)
+
+    assert refused.value.code == "UNHOMED"
+    assert (state.boot, state.homed, np.abs(state.q).max()) == ("", False, 0.0)
+    assert again.state().boot not in ("", before)
+    again.close()

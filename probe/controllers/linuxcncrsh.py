@@ -9,6 +9,7 @@ from probe.transcript import Transport
 
 ENDS = re.compile(rb"[\r\n]+")  # it ends lines with CR LF, with LF CR, and with both
 VOID = "(\r\n"  # ends a request that was cut short so that it cannot run: half a line of G-code may be a motion, too
+GREETED = 3.0  # [s] on the wall: a person waits for this
 ANSWERED = 5.0  # [s] on the wall; it answers a `get` in 0.1 ms and a `set` in 0.1 to 0.2 s
 
 
@@ -28,7 +29,7 @@ class Shell:
         password, enable = self._passwords
         self._rest, self._heard, self._in_step = b"", [], False
         self._send(f"hello {password} touchcal 1")
-        if self._until(r"HELLO (ACK|NAK).*", "is linuxcncrsh running?")[1] == "NAK":
+        if self._until(r"HELLO (ACK|NAK).*", GREETED, "is linuxcncrsh running?")[1] == "NAK":
             raise TouchError(f"linuxcncrsh does not take the password '{password}'; start it with its usual ones")
         for request in ("echo off", f"enable {enable}", "verbose on"):  # each without an answer until all are heard
             self._send(f"set {request}")
@@ -92,8 +93,10 @@ class Shell:
     def _send(self, request: str) -> None:
         self.transport.write(f"{request}\r\n".encode("ascii"))
 
-    def _until(self, pattern: str, cure: str = "is LinuxCNC still running?") -> re.Match[str]:
-        deadline = self.clock.now() + self.clock.at_least(ANSWERED, ANSWERED)
+    def _until(
+        self, pattern: str, patience: float = ANSWERED, cure: str = "is LinuxCNC still running?"
+    ) -> re.Match[str]:
+        deadline = self.clock.now() + self.clock.at_least(patience, patience)
         other = ""
         while True:
             while self._heard:
