@@ -9,6 +9,7 @@ import pytest
 from touching import Ticks, clear_plan, pointed
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.touch import Plan
 from probe.controller import Contact, Controller, NoContact, Rebooted, Refused
 from probe.controllers import open_controller
@@ -256,6 +257,8 @@ def test_a_machine_behind_an_alarm_is_not_moved_but_unlocked_on_request(cell: Ce
         assert refusal.value.code == "UNHOMED"
         bench.controller.close()
         bench.served.robot.health.estop = False
+        with pytest.raises(InputError, match="locked by an alarm: home it, or unlock it"):
+            open_controller(bench.served.url, "grbl", cell.robot, axis_unit_deg=UNIT)
 
         again = open_controller(bench.served.url, "grbl", cell.robot, axis_unit_deg=UNIT, unlock=True)
 

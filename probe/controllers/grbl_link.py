@@ -1,0 +1,210 @@
+"""Lines to and from a GRBL that echoes messages: what it said to a command, and whether it is still the same start."""
+
+import secrets
+from collections.abc import Callable, Iterator
+from typing import NoReturn, TypeVar
+
+from probe.clock import Clock
+from probe.controller import LinkLost, Rebooted, Refused
+from probe.controllers.grbl_words import Report, numbers, read_report, refusal
+from probe.framing import Lines
+from probe.transcript import Transport
+
+T = TypeVar("T")
+LONGEST = 500  # [bytes] of a line of GRBL
+HIGHEST_TOOL = 255  # of GRBL 1.1
+RESET = b"\x18"
+STILL = ("Idle", "Alarm", "Hold")
+
+
+class GrblLink:
+    """A line to GRBL. The boot is kept in its tool number, which nothing else uses and every reset forgets."""
+
+    def __init__(self, transport: Transport, clock: Clock, joints: int) -> None:
+        self.transport, self.clock, self.joints = transport, clock, joints
+        self.poll = clock.at_least(0.1, 0.01)
+        self.silence = clock.at_least(1.0, 0.5)
+        self.patience = clock.at_least(20.0, 5.0)
+        self.boot = ""
+        self._kept = False  # whether the tool number holds the boot
+        self._lines = Lines(LONGEST)
+
+    def told(self, line: str, seconds: float = 0.0, *, still: bool = False) -> list[str]:
+        """What GRBL says to a line, up to the echo of a message sent behind it.
+
+        With `still`, that is when the robot stands again. Raises LinkLost, Rebooted, or Refused where the echo does
+        not come or takes longer than `seconds`.
+        """
+        tag = f"t{secrets.token_hex(3)}"
+        wait = "G4 P0.01\n" if still else ""  # G1 is answered when it is queued: wait until the queue is empty
+        self._send(f"{line}\n{wait}(MSG,{tag})\n".encode())
+        said, idle = list[str](), 0
+        asked = heard = self.clock.now()
+        until = asked + max(seconds, self.silence) + self.silence
+        while True:
+            for text in self._listen(self.poll):
+                heard = self.clock.now()
+                if text == f"[MSG:{tag}]":
+                    return said
+                report = read_report(text, self.joints)
+                if report is None:
+                    said.append(text)
+                else:
+                    idle = idle + 1 if report.state in STILL else 0
+            now = self.clock.now()
+            if now - heard > self.silence * 2:
+                raise self._silent()
+            if idle * self.poll > self.silence / 2:
+                self._no_echo(said)
+                return said
+            if now > until:
+                self.halt()
+                raise Refused("NOTREACHED", f"stopped from here after {seconds:.0f} s")
+            if now - asked >= self.poll:
+                self._send(b"?")
+                asked = now
+
+    def _no_echo(self, said: list[str]) -> None:
+        """GRBL stands still and the echo does not come: an alarm, a hold, a restart, or a line was spoiled."""
+        refused = next((r for line in said if (r := refusal(line))), None)
+        if refused is not None:
+            raise Refused(*refused)
+        if self.report().state == "Hold":
+            raise Refused("STOPPED", "feed hold")
+        self.settle(self.patience)
+        self.same_boot()
+        if not any(line == "ok" for line in said):
+            raise Refused("NOTREACHED", "the command or its answer was lost")
+
+    def halt(self) -> None:
+        """Hold, then reset where something is held; GRBL keeps the position of a robot that stands when it is reset."""
+        self._send(b"!")
+        until = self.clock.now() + self.patience
+        while self.report().state in ("Run", "Jog", "Home") and self.clock.now() < until:
+            self.clock.sleep(self.poll)
+        if self.report().state == "Hold":
+            self.clock.sleep(self.poll)
+            self._send(RESET)
+            for _ in self._listen(self.silence, greeting=True):
+                pass
+        if self.report().state != "Alarm":
+            self.settle(self.patience)
+            self._keep_boot()
+
+    def settle(self, patience: float) -> None:
+        """Wait until GRBL stands still and has said everything: a fresh message comes back."""
+        deadline = self.clock.now() + patience
+        while True:
+            tag = f"s{secrets.token_hex(3)}"
+            self._send(f"\n(MSG,{tag})\n".encode())
+            until = self.clock.now() + self.silence
+            while self.clock.now() < until:
+                if f"[MSG:{tag}]" in self._listen(self.poll) and self.report().state != "Run":
+                    return
+            if self.clock.now() > deadline:
+                raise LinkLost(f"no GRBL that echoes messages, as grblHAL does, answers at {self.transport.url}")
+
+    def report(self) -> Report:
+        """A fresh status report; raises LinkLost."""
+        for _ in self._listen(0.0):
+            pass
+        until = self.clock.now() + self.silence * 2
+        while self.clock.now() < until:
+            self._send(b"?")
+            for text in self._listen(self.poll * 2):
+                if report := read_report(text, self.joints):
+                    return report
+        raise self._silent()
+
+    def axes(self, patience: float) -> int:
+        """How many axes GRBL reports; raises LinkLost where nobody reports, Refused where positions are missing."""
+        until = self.clock.now() + patience
+        while self.clock.now() < until:
+            self._send(b"\n?")
+            for text in self._listen(self.silence / 2):
+                if text.startswith("<") and text.endswith(">"):
+                    fields = dict(part.partition(":")[::2] for part in text.strip("<>").split("|")[1:])
+                    if "MPos" not in fields:
+                        raise Refused("SYNTAX", "it reports no machine position; set $10 at the controller")
+                    return len(numbers(fields["MPos"]))
+        raise self._silent()
+
+    def unlock(self, command: str, seconds: float) -> None:
+        """Send $X or $H, which a locked GRBL obeys without echoing messages."""
+        self._send(command.encode() + b"\n")
+        until = self.clock.now() + seconds
+        while self.clock.now() < until:
+            for text in self._listen(self.poll):
+                if (refused := refusal(text)) is not None:
+                    raise Refused(*refused)
+                if text == "ok":
+                    return
+        raise Refused("UNHOMED", f"{command} was not answered within {seconds:.0f} s")
+
+    def adopt(self) -> None:
+        """Learn the boot, or draw one and leave it with GRBL."""
+        tool = self._tool()
+        drawn = tool or 1 + secrets.randbelow(HIGHEST_TOOL)
+        self.boot = f"T{drawn}"
+        if not tool:
+            self._keep_boot()
+        self._kept = self._tool() == drawn
+        if not self._kept:
+            self.boot = f"t{secrets.token_hex(4)}"  # this GRBL keeps no tool number: good for this connection only
+
+    def same_boot(self) -> None:
+        """Raise Rebooted where GRBL has forgotten the boot."""
+        if self._kept and f"T{self._tool()}" != self.boot:
+            self._started_anew()
+
+    def patiently(self, call: Callable[[], T]) -> T:
+        """Call, and where the line is silent or gone open it anew and call again; raises LinkLost in the end."""
+        deadline = self.clock.now() + self.patience
+        while True:
+            try:
+                return call()
+            except LinkLost:
+                if self.clock.now() > deadline:
+                    raise
+            self._lines = Lines(LONGEST)
+            try:
+                self.transport.reopen()
+                self.settle(self.patience)
+                self.same_boot()
+            except LinkLost:
+                self.clock.sleep(self.poll)
+
+    def _keep_boot(self) -> None:
+        if self.boot.startswith("T"):
+            self.told(self.boot)
+
+    def _tool(self) -> int:
+        said = " ".join(line for line in self.told("$G") if line.startswith("[GC:"))
+        words = [word[1:] for word in said.strip("[]").split() if word.startswith("T")]
+        return int(words[0]) if words and words[0].isdecimal() else 0
+
+    def _started_anew(self) -> NoReturn:
+        self.boot, self._kept = f"t{secrets.token_hex(4)}", False
+        raise Rebooted(
+            f"the GRBL at {self.transport.url} has started anew: its position is not trusted any more; check that "
+            "it is homed and shows where the robot stands, then go on with --resume --trust-position"
+        )
+
+    def _silent(self) -> LinkLost:
+        return LinkLost(f"nothing answers at {self.transport.url}; is the controller on, with {self.joints} axes?")
+
+    def _send(self, data: bytes) -> None:
+        self.transport.write(data)
+
+    def _listen(self, seconds: float, *, greeting: bool = False) -> Iterator[str]:
+        """Lines as they come, for so long; raises Rebooted where GRBL greets, unless its greeting is expected."""
+        until = self.clock.now() + seconds
+        while True:
+            data = self.transport.read(self.clock.real(until - self.clock.now()))
+            for line in self._lines.feed(data):
+                text = line.decode("latin-1").strip()
+                if text.lower().startswith("grbl") and self.boot and not greeting:
+                    self._started_anew()
+                yield text
+            if self.clock.now() >= until:
+                return
