@@ -8,11 +8,11 @@ from identify.model.frames import pose
 
 
 def identified(cell: Cell, theta: np.ndarray, **changes) -> Calibration:
-    """A calibration that found exactly these parameters, with no uncertainty."""
+    """A calibration that found exactly these parameters, as good as certain."""
     none = Errors(0, 0.0, 0.0, 0.0, 0.0)
     return Calibration(**{
-        "cell": cell, "theta": theta, "start": cell.theta, "estimated": (), "combinations": {},
-        "covariance": np.zeros((0, 0)), "scatter": 1.0, "scatter_significant": False, "weak": (), "outliers": {},
+        "cell": cell, "theta": theta, "start": cell.theta, "estimated": ("base.x",), "combinations": {},
+        "covariance": np.array([[1e-8]]), "scatter": 1.0, "scatter_significant": False, "weak": (), "outliers": {},
         "fit": none, "held_out": None, "residuals": {}, "fingerprints": frozenset(), "iterations": 0, "solve_s": 0.0,
         **changes,
     })  # fmt: skip

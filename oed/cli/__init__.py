@@ -20,6 +20,9 @@ COMMANDS = {
     "plan": "Choose the touches that tell the most about the robot.",
     "identify": "Identify the parameters that put every touch on its face.",
     "verify": "Errors at touches or positions that the fit has not seen.",
+    "compensate": "Corrected joints and command poses for wanted tip poses.",
+    "fix": "Corrected copies of robot programs.",
+    "export": "The calibrated robot for other tools.",
     "report": "One HTML page of a calibration: verdict, maps, 3-D view, parameters.",
 }
 """What each command does, in one line; its module in this package is loaded only when it runs."""

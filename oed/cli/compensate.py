@@ -1,0 +1,138 @@
+"""`touchcal compensate`."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from cyclopts import Parameter
+
+from identify.compensation import Compensation, Place
+from identify.compensation import compensate as corrected
+from identify.model.calibration import Calibration, read_calibration
+from identify.model.entries import POSE_KEYS, POSE_UNIT
+from identify.model.files import InputError, sheet_text, write_text
+from identify.model.poses import Poses, read_poses
+from identify.model.robot import Robot
+from identify.model.tables import joint_columns
+from oed.cli.options import Json, TrustUnits, print_json
+
+SHOWN = 10  # targets left alone that are named on the screen
+
+
+def compensate(
+    calibration: Path,
+    poses: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.csv"),
+    frame: str = "jig",
+    fixed_to: Literal["jig", "robot"] = "jig",
+    near: str | None = None,
+    free_roll: Annotated[bool, Parameter(negative=())] = False,
+    max_change_deg: float | None = None,
+    trust_units: TrustUnits = False,
+    json: Json = False,
+) -> None:
+    """Corrected joint angles and corrected command poses for wanted tip poses.
+
+    corrected.csv holds, for every pose, the joints that bring the true tip there, and the pose to tell a controller
+    that believes in the nominal robot. Poses next to a singularity or a joint limit are left as they are and named.
+    Example:
+
+        touchcal compensate calibration.json poses.csv -o corrected.csv
+
+    Parameters
+    ----------
+    calibration
+        What touchcal identify wrote.
+    poses
+        Columns id, x_mm, y_mm, z_mm, rz_deg, ry_deg, rx_deg.
+    output
+        Where the corrected joints and poses are written.
+    frame
+        What the poses count from: jig, base, or a user frame in the base as x,y,z,rz,ry,rx (mm, degrees).
+    fixed_to
+        Poses fixed to the jig stay where they are when the base was found elsewhere; those fixed to the robot move with
+        its base.
+    near
+        A posture to look for solutions from: joint values parted by commas (degrees, mm where a joint slides).
+    free_roll
+        Leave the turn about the wire open.
+    max_change_deg
+        Leave a pose alone where a joint would change by more; 3 degrees, or three times what is usual for this robot.
+    """
+    identified = read_calibration(calibration)
+    robot = identified.cell.robot
+    wanted = read_poses(poses, trust_units=trust_units)
+    start = None if near is None else _numbers(near, len(robot.joints), "--near") * robot.joint_unit()
+    limit = None if max_change_deg is None else float(np.radians(max_change_deg))
+    result = corrected(
+        identified,
+        wanted.pose,
+        frame=_frame(frame),
+        fixed_to=fixed_to,
+        near=start,
+        free_roll=free_roll,
+        max_change=limit,
+    )
+    write_text(output, table(wanted, result, robot))
+    if json:
+        print_json(summary(wanted, result))
+    else:
+        print(story(identified, wanted, result, output))
+
+
+def _frame(text: str) -> Place:
+    if text in {"jig", "base"}:
+        return text  # type: ignore[return-value]
+    return _numbers(text, 6, "--frame, other than jig or base,") * POSE_UNIT
+
+
+def _numbers(text: str, count: int, what: str) -> np.ndarray:
+    """As many numbers as there have to be, parted by commas."""
+    try:
+        values = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        values = np.array([])
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(f"{what} is '{text}', expected {count} numbers parted by commas")
+    return values
+
+
+def table(wanted: Poses, result: Compensation, robot: Robot) -> str:
+    """The text of corrected.csv."""
+    command = result.command / POSE_UNIT
+    columns: dict[str, Any] = {"id": wanted.ids, "status": ["left" if reason else "corrected" for reason in result.why]}
+    columns |= dict(zip(joint_columns(robot), (result.q / robot.joint_unit()).T.round(9), strict=True))
+    columns |= dict(zip(POSE_KEYS, command.T.round(9), strict=True))
+    return sheet_text(columns | {"note": result.why})
+
+
+def _shift(wanted: Poses, result: Compensation) -> np.ndarray:
+    """How far the commands moved [mm]."""
+    done = result.corrected
+    return np.linalg.norm(result.command[done, :3] - wanted.pose[done, :3], axis=1)
+
+
+def summary(wanted: Poses, result: Compensation) -> dict[str, Any]:
+    """What `--json` says."""
+    shift = _shift(wanted, result)
+    left = {name: reason for name, reason in zip(wanted.ids, result.why, strict=True) if reason}
+    return {
+        "poses": len(wanted), "corrected": len(shift), "left": left,
+        "shift_mm": {"median": float(np.median(shift)), "max": float(shift.max())} if len(shift) else None,
+        "max_residual_mm": float(result.residual[result.corrected].max(initial=0.0)),
+    }  # fmt: skip
+
+
+def story(identified: Calibration, wanted: Poses, result: Compensation, output: Path) -> str:
+    """The result as a person reads it."""
+    shift, lines = _shift(wanted, result), [f"{int(result.corrected.sum())} of {len(wanted)} poses corrected"]
+    if len(shift):
+        lines[0] += f"; commands moved by {np.median(shift):.3f} mm (median), {shift.max():.3f} mm at most"
+    left = [(name, reason) for name, reason in zip(wanted.ids, result.why, strict=True) if reason]
+    lines += [f"left as they are: {count} {why}" for why, count in result.left().items()]
+    lines += [f"  {name}: {reason}" for name, reason in left[:SHOWN]]
+    lines += [f"  ... and {len(left) - SHOWN} more, in {output}"] if len(left) > SHOWN else []
+    opened = [part for part, frame in (("base", identified.cell.base), ("tool", identified.cell.tool)) if frame is None]
+    lines += [f"the cell leaves the {' and the '.join(opened)} open: enter what was identified first"] if opened else []
+    return "\n".join([*lines, f"wrote {output}"])
