@@ -63,7 +63,7 @@ def certify(
     if allowed is not None:
         gains[~allowed] = 0.0
     starts = _starts(offered, gains)
-    best = max(gains.max(), *(_polished(offered, refinement, i, S) for i in starts))
+    best = max(gains.max(), _polished(offered, refinement, starts, S))
     total = np.trace(S @ P) + n * best
     scale = len(M0) if aim.B is None else float(np.trace(aim.B @ C))
     return Certificate(level(aim, M0) * total / scale, len(starts), float(best / gains.max() - 1))
@@ -81,9 +81,10 @@ def _starts(offered: Offer, gains: Float[np.ndarray, " touches"]) -> list[int]:
     return chosen
 
 
-def _polished(offered: Offer, refinement: Refinement, i: int, S: Float[np.ndarray, "kept kept"]) -> float:
-    """The largest f'Sf that Ipopt finds from a touch."""
-    touch = offered.found.take(np.array([i]))
-    q = refinement.best(touch, float(offered.sigma[i]), np.zeros_like(S), S)
-    f = offered.known.rows(q[None], touch.normal, offered.sigma[[i]])[0]
-    return float(f @ S @ f)
+def _polished(offered: Offer, refinement: Refinement, starts: list[int], S: Float[np.ndarray, "kept kept"]) -> float:
+    """The largest f'Sf that Ipopt finds from touches."""
+    index = np.array(starts)
+    touches = offered.found.take(index)
+    q = refinement.best(touches, np.zeros((len(index), *S.shape)), np.broadcast_to(S, (len(index), *S.shape)))
+    f = offered.known.rows(q, touches.normal, offered.sigma[index])
+    return float(((f @ S) * f).sum(axis=1).max())

@@ -1,4 +1,4 @@
-"""Move chosen touches continuously over their faces, postures and rolls, with Ipopt, one touch after the other.
+"""Move chosen touches continuously over their faces, postures and rolls, with Ipopt, one by one and then all at once.
 
 A touch moved alone changes the information by a rank-one update, so what it adds is a ratio of two quadratic forms of
 its row f: log det grows by log(1 + f'Cf), tr(B C) falls by f'CBCf / (1 + f'Cf), with C the covariance of all others.
@@ -6,33 +6,24 @@ its row f: log det grows by log(1 + f'Cf), tr(B C) falls by f'CBCf / (1 + f'Cf),
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from identify.model.descent import LEVER
 from identify.model.inverse import reach
-from identify.model.kinematics import jig_T_tip, symbols
+from oed.aim import Aim
 from oed.candidates import COLUMNS, Candidates
 from oed.information import Knowledge, touch_sigma
 from oed.judgement import Judge, Verdict
+from oed.refinement_joint import Joint
+from oed.refinement_program import OPTIONS, Program
 
 SHARES = np.array([1.0, 0.6, 0.3, 0.1])  # of a move, tried in turn where the whole of it cannot be made
-FAR = 0.6  # [rad], most that a joint turns in one move; times LEVER mm where it slides
-HAIR = 1e-6  # [rad] or [mm] that solutions keep from limits, for rounding
 APART = 5.0, np.radians(3.0)  # [mm] and [rad]: touches nearer than both would be the same touch again
 ENOUGH = 2e-3  # of the criterion's logarithm that a sweep has to gain for another to follow
-OPTIONS: dict[str, Any] = {
-    "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.max_iter": 40, "ipopt.tol": 1e-5,
-    "ipopt.acceptable_tol": 1e-3, "ipopt.acceptable_iter": 3, "ipopt.mu_init": 1e-3, "ipopt.bound_push": 1e-4,
-    "ipopt.bound_frac": 1e-4,
-}  # fmt: skip
-
 Value = Callable[[Float[np.ndarray, "touches kept"]], float]  # of a set of rows; the larger the better
-Aim = Callable[[Float[np.ndarray, "kept kept"]], Float[np.ndarray, "kept kept"]]  # W of a covariance C of the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,69 +34,38 @@ class Refinement:
     judge: Judge
 
     @cached_property
+    def program(self) -> Program:
+        """The touch in symbols."""
+        return Program(self.known, self.judge.margins)
+
+    @cached_property
     def solver(self) -> ca.Function:
-        """Ipopt on max f'Wf / (1 + f'Cf), exact second derivatives, compiled once for all touches and faces.
-
-        The unknowns are the postures at contact and at approach, so that joint limits hold from the approach to the end
-        of the search.
-        """
-        robot, k = self.known.cell.robot, len(self.known.names)
-        q, theta = symbols(robot)
-        above = ca.SX.sym("above", q.shape[0])
-        n, origin, u, v, sigma, room = (ca.SX.sym(s, m) for s, m in zip("nouvsr", (3, 3, 3, 3, 1, 1), strict=True))
+        """Ipopt on max f'Wf / (1 + f'Cf), exact second derivatives, compiled once for all touches and faces."""
+        f, k = self.program.row, len(self.known.names)
         C, W = ca.SX.sym("C", k, k), ca.SX.sym("W", k, k)
-        tip, R = self._pose(q, theta)
-        lean = ca.dot(n, R[:, 2])
-        height = self._height(ca.dot(n, tip - origin), lean)
-        f = ca.gradient(height, theta)[self.known.kept] * self.known.scale / sigma
-        place = [ca.dot(tip - origin, side) / ca.dot(side, side) for side in (u, v)]
-        held = self._held(tip, R, *self._pose(above, theta), self.known.cell.touch.approach * n)
-        g = ca.vertcat(height, *place, -lean, *held, above + room * (q - above))
-        f, g = ca.substitute([f, g], [theta], [ca.SX(self.known.theta)])
         gain = ca.dot(f, W @ f) / (1 + ca.dot(f, C @ f))
-        p = ca.vertcat(n, origin, u, v, sigma, room, ca.vec(C), ca.vec(W))
-        return ca.nlpsol("refine", "ipopt", {"x": ca.vertcat(q, above), "p": p, "f": -gain, "g": g}, OPTIONS)
-
-    def _pose(self, q: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
-        T = jig_T_tip(self.known.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]))
-        return T[:, 3], T[:, :3]
-
-    def _height(self, height: ca.SX, lean: ca.SX) -> ca.SX:
-        """Distance of the end of the wire from the face, as in the model of a touch."""
-        wire = self.known.cell.wire
-        if wire.shape == "flat":
-            return height - wire.radius * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))
-        return height - (wire.radius if wire.shape == "ball" else 0.0)
-
-    def _held(self, tip: ca.SX, R: ca.SX, high: ca.SX, turned: ca.SX, way: ca.SX) -> list[ca.SX]:
-        """What is zero where the approach holds the same wire off the face: as much as the robot's joints can keep."""
-        joints = len(self.known.cell.robot.joints)
-        rest = (turned.T @ R - R.T @ turned) / 2
-        turn = ca.vertcat(rest[2, 1], rest[0, 2], rest[1, 0])
-        return [high - tip - way, turn if joints > 5 else turn[:2] if joints == 5 else ca.SX(0, 1)]
+        p = ca.vertcat(self.program.p, ca.vec(C), ca.vec(W))
+        problem = {"x": self.program.x, "p": p, "f": -gain, "g": self.program.constraints}
+        return ca.nlpsol("refine", "ipopt", problem, OPTIONS)
 
     def best(
-        self, touch: Candidates, sigma: float, C: Float[np.ndarray, "kept kept"], W: Float[np.ndarray, "kept kept"]
-    ) -> Float[np.ndarray, " joints"]:
-        """Where Ipopt would have a touch, within joint limits, tilt and the inset of its face."""
-        cell, i = self.known.cell, int(touch.face[0])
-        face, robot = touch.faces[i], cell.robot
-        inset = self.judge.margins.inset[i] / face.size
-        room = 1 + self.judge.margins.overtravel[i] / cell.touch.approach
-        far = FAR * np.where(robot.prismatic, LEVER, 1.0)
-        lower, upper = robot.lower + HAIR, robot.upper - HAIR
-        zeros = np.zeros(self.solver.size1_in("lbg") - 4 - len(lower))
-        solution = self.solver(
-            x0=np.concatenate([touch.q[0], touch.approach[0]]),
-            p=np.concatenate(
-                [face.normal, face.origin, face.u, face.v, [sigma, room], C.ravel(), (W / _size(W)).ravel()]
-            ),
-            lbx=np.concatenate([np.maximum(lower, touch.q[0] - far), lower]),
-            ubx=np.concatenate([np.minimum(upper, touch.q[0] + far), upper]),
-            lbg=np.concatenate([[0.0], inset, [np.cos(cell.touch.max_tilt - HAIR)], zeros, lower]),
-            ubg=np.concatenate([[0.0], 1 - inset, [1.0], zeros, upper]),
-        )  # fmt: skip
-        return np.array(solution["x"]).ravel()[: len(lower)]
+        self,
+        touches: Candidates,
+        C: Float[np.ndarray, "touches kept kept"],
+        W: Float[np.ndarray, "touches kept kept"],
+        progress: Callable[[float], None] | None = None,
+    ) -> Float[np.ndarray, "touches joints"]:
+        """Where Ipopt would have touches, each alone, within joint limits, tilt and the inset of its face."""
+        at, out = self.program.numbers(touches), touches.q.copy()
+        for i in range(len(touches)):
+            found = self.solver(
+                x0=at.x[i], p=np.concatenate([at.p[i], C[i].ravel(), (W[i] / _size(W[i])).ravel()]),
+                lbx=at.x_limits[0, i], ubx=at.x_limits[1, i], lbg=at.g_limits[0, i], ubg=at.g_limits[1, i],
+            )  # fmt: skip
+            out[i] = np.array(found["x"]).ravel()[: out.shape[1]]
+            if progress:
+                progress((i + 1) / len(touches))
+        return out
 
     def ways(
         self, touches: Candidates, q: Float[np.ndarray, "touches joints"]
@@ -179,44 +139,66 @@ class Refinement:
 def refine(
     refinement: Refinement,
     touches: Candidates,
-    value: Value,
     aim: Aim,
+    value: Value | None = None,
     *,
     sweeps: int = 3,
+    together: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Candidates:
-    """Move touches, again and again, to where `value` of all rows is larger; never worse.
+    """Move touches, again and again, to where they tell more by `aim`; never worse.
 
-    `aim` makes W of the covariance C of the others. A move counts only where it raises `value`, together with all moves
-    before it, where the touch can be made, and where no two touches become one.
+    A move counts only where it raises `value` of all rows, that of `aim` if not given, together with all moves before
+    it, where the touch can be made, and where no two touches become one. At last all are moved `together`, if wanted:
+    that takes as long again and gains about a tenth of what was gained before.
     """
-    known, n = refinement.known, len(touches)
-    sigma = touch_sigma(known.cell, touches.names())
-    F = known.rows(touches.q, touches.normal, sigma)
-    best = value(F)
+    known, say = refinement.known, progress or (lambda share: None)
+    F = known.rows(touches.q, touches.normal, touch_sigma(known.cell, touches.names()))
+    if value is None:
+
+        def value(rows: Float[np.ndarray, "touches kept"]) -> float:
+            return aim.value(known.precision + rows.T @ rows)
+
     for sweep in range(sweeps):
-        before, wanted = best, touches.q.copy()
+        before = value(F)
         M = known.precision + F.T @ F
-        for i in range(n):
-            C = np.linalg.inv(M - np.outer(F[i], F[i]))
-            wanted[i] = refinement.best(touches.take(np.array([i])), float(sigma[i]), C, aim(C))
-            if progress:
-                progress((sweep + (i + 1) / n) / sweeps)
-        trials, owner = refinement.ways(touches, wanted)
-        rows = known.rows(trials.q, trials.normal, sigma[owner])
-        moved: set[int] = set()
-        for k, i in enumerate(owner.tolist()):
-            if i in moved or not _apart(touches, i, trials, k):
-                continue
-            changed = F.copy()
-            changed[i] = rows[k]
-            if (now := value(changed)) > best:
-                best, F = now, changed
-                touches = _put(touches, i, trials, k)
-                moved.add(i)
-        if best - before < ENOUGH:
+        C = np.linalg.inv(M - F[:, :, None] * F[:, None, :])
+        W = C if aim.B is None else C @ aim.B @ C
+        wanted = refinement.best(touches, C, W, partial(_share, say, sweep, sweeps))
+        touches, F = _accepted(refinement, touches, F, wanted, value)
+        if value(F) - before < ENOUGH:
             break
+    if together:
+        wanted = Joint(refinement.program, aim, len(touches)).best(touches)
+        touches, F = _accepted(refinement, touches, F, wanted, value)
     return touches
+
+
+def _share(say: Callable[[float], None], sweep: int, sweeps: int, share: float) -> None:
+    say((sweep + share) / sweeps)
+
+
+def _accepted(
+    refinement: Refinement,
+    touches: Candidates,
+    F: Float[np.ndarray, "touches kept"],
+    wanted: Float[np.ndarray, "touches joints"],
+    value: Value,
+) -> tuple[Candidates, Float[np.ndarray, "touches kept"]]:
+    """Touches after those moves towards `wanted` postures that can be made and raise the value; and their rows."""
+    trials, owner = refinement.ways(touches, wanted)
+    rows = refinement.known.rows(trials.q, trials.normal, touch_sigma(refinement.known.cell, trials.names()))
+    best, moved = value(F), set[int]()
+    for k, i in enumerate(owner.tolist()):
+        if i in moved or not _apart(touches, i, trials, k):
+            continue
+        changed = F.copy()
+        changed[i] = rows[k]
+        if (now := value(changed)) > best:
+            best, F = now, changed
+            touches = _put(touches, i, trials, k)
+            moved.add(i)
+    return touches, F
 
 
 def _apart(touches: Candidates, i: int, trials: Candidates, k: int) -> bool:

@@ -113,7 +113,7 @@ class Setting:
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
     ) -> tuple[Candidates, Order]:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
-        moved, found = self._ordered(refine(refinement, touches, self._value, self.aim.weight, progress=say))
+        moved, found = self._ordered(refine(refinement, touches, self.aim, self._value, progress=say))
         return (moved, found) if not found.blocked else self._ordered(touches)
 
     def _ordered(self, touches: Candidates) -> tuple[Candidates, Order]:

@@ -1,5 +1,6 @@
 """Touches moved continuously: better, still on their faces, still feasible; and a bound over all others."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from oed.information import touch_sigma
 from oed.judgement import Verdict
 from oed.offer import offer
 from oed.refinement import APART, Refinement, refine
+from oed.refinement_joint import Joint
 
 N = 30
 
@@ -41,8 +43,7 @@ def information(offered, touches):
 
 @pytest.fixture(scope="module")
 def moved(offered, refinement, aim, chosen):
-    P = offered.known.precision
-    return refine(refinement, chosen, lambda rows: aim.value(P + rows.T @ rows), aim.weight, sweeps=1)
+    return refine(refinement, chosen, aim, sweeps=1)
 
 
 def test_moved_touches_tell_more(offered, aim, chosen, moved):
@@ -99,13 +100,47 @@ def test_no_small_step_along_the_face_beats_what_ipopt_found(offered, refinement
         rows = offered.known.rows(q, np.repeat(one.normal, len(q), axis=0), np.repeat(sigma, len(q)))
         return ((rows @ W) * rows).sum(axis=1) / (1 + ((rows @ C) * rows).sum(axis=1))
 
-    best = refinement.best(one, float(sigma[0]), C, W)
+    best = refinement.best(one, C[None], W[None])[0]
 
     steps = best + 0.02 * rng.standard_normal((400, len(best)))
     around, _ = refinement.ways(one.take(np.zeros(len(steps), dtype=int)), steps)
     assert worth(best[None])[0] >= worth(one.q)[0]
     assert len(around) > 20
     assert worth(around.q).max() <= 1.001 * worth(best[None])[0]
+
+
+def test_gradient_and_hessian_of_all_touches_are_those_of_finite_differences(offered, refinement, aim, chosen, rng):
+    three = chosen.take(np.arange(3))
+    joint = Joint(refinement.program, aim, 3)
+    at = refinement.program.numbers(three)
+    x, p = at.x.ravel() + 1e-3, at.p.ravel()
+    lam = 0.1 * rng.standard_normal(at.g_limits.shape[1] * at.g_limits.shape[2])
+    slope_of_g = ca.Function("g", joint.symbols, [ca.jtimes(ca.vec(joint.rows[2]), joint.symbols[0], ca.DM(lam), True)])
+
+    def value(x):
+        return -aim.value(offered.known.precision + (F := rows(x)).T @ F)
+
+    def rows(x):
+        q = x.reshape(3, -1)[:, : three.q.shape[1]]
+        return offered.known.rows(q, three.normal, touch_sigma(offered.known.cell, three.names()))
+
+    def slope(x):
+        return np.array(joint.gradient(x, p)[1] + slope_of_g(x, p)).ravel()
+
+    H = np.array(joint.hessian(x, p, 1.0, lam))
+
+    step = 1e-6
+    ways = step * np.eye(len(x))
+    by_value = [(value(x + way) - value(x - way)) / (2 * step) for way in ways]
+    by_slope = np.array([(slope(x + way) - slope(x - way)) / (2 * step) for way in ways])
+    assert np.array(joint.gradient(x, p)[1]).ravel() == pytest.approx(np.array(by_value), abs=1e-4)
+    assert np.triu(by_slope) == pytest.approx(H, abs=1e-4 * np.abs(H).max())
+
+
+def test_moving_all_at_once_helps_where_moving_one_by_one_ends(refinement, offered, aim, chosen):
+    alone, together = (refine(refinement, chosen, aim, sweeps=2, together=flag) for flag in (False, True))
+
+    assert aim.value(information(offered, together)) > aim.value(information(offered, alone))
 
 
 def test_no_design_beats_the_bound_over_the_manifold(offered, refinement, aim, moved, chosen, rng):
