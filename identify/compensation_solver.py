@@ -55,7 +55,7 @@ def _solver(robot: Robot, free_roll: bool) -> ca.Function:
     quiet: dict[str, Any] = {
         "print_level": 0,
         "sb": "yes",
-        "max_iter": 30,
+        "max_iter": 20,
         "bound_relax_factor": 0.0,
         "tol": 1e-10,
         "acceptable_tol": 1e-9,

@@ -29,8 +29,8 @@ def reasons(
     change = joint_change(robot, before, found.q)
     around = turned_around(robot, before, found.q)
     good = (found.residual < RESIDUAL) & found.within_limits & ~around.any(axis=1) & (change.max(axis=1) < limit)
-    for i in np.flatnonzero(~good & ~np.isnan(before[:, 0])).tolist():
-        singular = smallest(kinematics, theta, before[i]) < SINGULAR
+    left = np.flatnonzero(~good & ~np.isnan(before[:, 0]))
+    for i, singular in zip(left.tolist(), smallest(kinematics, theta, before[left]) < SINGULAR, strict=True):
         if not found.residual[i] < RESIDUAL:
             what = "near a singularity" if singular else "out of reach"
             yield i, f"{what}: the identified robot comes no nearer than {found.residual[i]:.3g} mm"
@@ -60,11 +60,14 @@ def turned_around(
     return (np.abs(after - before) > np.pi) & ~np.array(robot.prismatic)
 
 
-def smallest(kinematics: Kinematics, theta: Float[np.ndarray, " parameters"], q: Float[np.ndarray, " joints"]) -> float:
-    """The smallest singular value of the pose Jacobian, lengths in LEVER: 0 at a singularity."""
-    J = kinematics.pose_jacobian(q[None], theta)[2][0]
+def smallest(
+    kinematics: Kinematics, theta: Float[np.ndarray, " parameters"], q: Float[np.ndarray, "poses joints"]
+) -> Float[np.ndarray, " poses"]:
+    """The smallest singular values of the pose Jacobian, lengths in LEVER: 0 at a singularity."""
+    J = kinematics.pose_jacobian(q, theta)[2]
     lengths = np.array([1 / LEVER] * 3 + [1.0] * 3)[:, None]
-    return float(np.linalg.svd(J * lengths * np.where(kinematics.robot.prismatic, LEVER, 1.0), compute_uv=False)[-1])
+    scaled = J * lengths * np.where(kinematics.robot.prismatic, LEVER, 1.0)
+    return np.linalg.svd(scaled, compute_uv=False)[:, -1]
 
 
 def _beyond(robot: Robot, q: Float[np.ndarray, " joints"]) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identify.guard import smallest
 from identify.model.descent import LEVER
 from identify.model.inverse import reach
 from identify.model.kinematics import Kinematics
@@ -71,14 +72,13 @@ def posture(
     """One posture to reach many targets from: near the middle of the joints and of the targets, and not singular."""
     robot = kinematics.robot
     q = np.vstack([(robot.lower + robot.upper) / 2, _draws(robot, SEEDS, 0)])
-    position, rotation, J = kinematics.pose_jacobian(q, theta)
+    position, rotation = kinematics.tip(q, theta)
     middle = np.median(T[:, :3, 3], axis=0)
     turned = np.arccos(np.clip((np.einsum("ikl,kl->i", rotation, _middle_turn(T)) - 1) / 2, -1, 1))
     effort = np.abs(2 * (q - robot.lower) / (robot.upper - robot.lower) - 1).mean(axis=1)
     way = np.linalg.norm(position - middle, axis=1) / LEVER + turned + 2 * effort
-    scaled = J * np.array([1 / LEVER] * 3 + [1.0] * 3)[:, None] * np.where(robot.prismatic, LEVER, 1.0)
-    smallest = np.linalg.svd(scaled, compute_uv=False)[:, -1]
-    return np.asarray(q[np.argmin(np.where(smallest >= np.median(smallest), way, np.inf))])
+    regular = smallest(kinematics, theta, q)
+    return np.asarray(q[np.argmin(np.where(regular >= np.median(regular), way, np.inf))])
 
 
 def _middle_turn(T: Float[np.ndarray, "targets 4 4"]) -> Float[np.ndarray, "3 3"]:
