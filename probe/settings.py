@@ -10,8 +10,8 @@ class Settings:
     """What an operator may tune; lengths are millimetres of the tip, times are seconds, angles are radians."""
 
     override: float = 1.0  # 0 ... 1, on every move but the search, whose speed the touch depends on
-    move_speed: float = 250.0  # [mm/s] of the tip between touches
-    retract_speed: float = 100.0  # [mm/s] of the tip, back from the contact
+    move_speed: float = 500.0  # [mm/s] of the tip between touches; slower by the override, on a first run above all
+    retract_speed: float = 250.0  # [mm/s] of the tip, straight back from the contact
     search_speed: float | None = None  # [mm/s]; None: what the cell says
     fast_speed: float | None = None  # [mm/s] of a first, quick search before the one that counts; None: without
     back_off: float = 3.0  # [mm] from the quick contact to where the slow search begins
