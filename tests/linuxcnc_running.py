@@ -85,11 +85,18 @@ class LinuxCNCRunning:
         (self.folder / "restart").touch()
         self.inside(_say_shutdown)
 
+    def begun(self, words: list[str]) -> subprocess.Popen[str]:
+        """A command whose network is LinuxCNC's, under way."""
+        return subprocess.Popen(
+            ["nsenter", f"--net={self.namespace}", *words],
+            cwd=self.folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
     def command(self, words: list[str]) -> tuple[int, str]:
-        """Run a command whose network is LinuxCNC's; its exit code and what it said to stderr."""
-        enter = ["nsenter", f"--net={self.namespace}"]
-        done = subprocess.run(enter + words, cwd=self.folder, capture_output=True, text=True, check=False, timeout=300)
-        return done.returncode, done.stderr
+        """Run such a command to its end; its exit code and what it said to stderr."""
+        with self.begun(words) as process:
+            said = process.communicate(timeout=300)[1]
+        return process.returncode, said
 
     def inside(self, call: Callable[[], T]) -> T:
         """Call a function in a thread whose network is LinuxCNC's."""

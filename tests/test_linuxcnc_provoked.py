@@ -17,6 +17,7 @@ from probe.controllers.linuxcnc import LinuxCNC
 from probe.controllers.linuxcncrsh import Shell
 from probe.transport import SerialTransport
 
+pytestmark = pytest.mark.xdist_group("linuxcnc provoked")  # one LinuxCNC for all of them
 RATE = np.radians(20.0)  # [rad/s]
 
 

@@ -11,6 +11,7 @@ import random
 import select
 import socket
 import time
+from contextlib import suppress
 
 import linuxcnc
 
@@ -186,5 +187,6 @@ if __name__ == "__main__":
     with socket.create_server(("127.0.0.1", PORT)) as server:
         while True:
             host, _ = server.accept()
-            with host:
+            with host, suppress(ConnectionError):
                 serve(bridge, host)
+            bridge.abort("DEADMAN")
