@@ -22,6 +22,7 @@ SAMPLES = 300  # postures that tell what is usual
 SINGULAR = (
     0.1  # smallest singular value of the pose Jacobian, lengths in LEVER, below which a posture is called singular
 )
+MOVED = 0.05  # [mm] or [deg] of the base, that is worth a word
 HARD = 100  # targets at most that are handed to Ipopt, at some 10 milliseconds each
 
 Place = Literal["jig", "base"] | Float[np.ndarray, " 6"]
@@ -91,6 +92,22 @@ def compensate(
     command = poses.copy()
     command[~kept] = pose(inverse(command_frame) @ tip_transform(calibration, found.q[~kept], nominal_theta))
     return Compensation(before, q, command, found.residual, tuple(why))
+
+
+def remarks(calibration: Calibration, fixed_to: Hold) -> list[str]:
+    """What has to be known before corrected poses in the base or in user frames are used."""
+    cell = calibration.cell
+    opened = [part for part, frame in (("base", cell.base), ("tool", cell.tool)) if frame is None]
+    said = [f"the cell leaves the {' and the '.join(opened)} open: enter what was identified first"] if opened else []
+    if cell.base is not None and fixed_to == "jig":
+        apart = inverse(transform(cell.theta[:6])) @ transform(calibration.theta[:6])
+        moved, turned = float(np.linalg.norm(apart[:3, 3])), np.degrees(np.arccos(min(1.0, (np.trace(apart) - 2) / 2)))
+        if moved > MOVED or turned > MOVED:
+            said.append(
+                f"the base was found {moved:.2f} mm and {turned:.2f} degrees from where the cell file puts it, and points "
+                "are taken to stand with the jig; if they stand with the robot (it taught their frames), say fixed to robot"
+            )
+    return said
 
 
 def jig_T_frame(theta: Float[np.ndarray, " parameters"], frame: Place) -> Float[np.ndarray, "4 4"]:

@@ -123,6 +123,7 @@ def test_fix_writes_copies_and_a_diff_and_says_what_it_left(folder, touchcal):
     assert "left as they are: 1 pulses" in out
     assert "line 11, C00001: pulses: their number a degree is not known" in out
     assert "-C00000=5.0000,10.0000" in out
+    assert "the base was found 1.70 mm and 2.37 degrees from where the cell file puts it" in out
     assert (folder / "SEAM.JBI").read_text() == JOB
     changed = (folder / "out" / "SEAM.JBI").read_text().splitlines()
     assert [i for i, line in enumerate(JOB.splitlines()) if line != changed[i]] == [7]
@@ -136,6 +137,15 @@ def test_fix_reads_a_table_of_frames_and_joints(folder, touchcal):
 
     assert told["SEAM.JBI"]["left"] == [] or "pulses" not in told["SEAM.JBI"]["left"][0]["why"]
     assert told["SEAM.JBI"]["shift_mm"]["max"] > 1
+
+
+def test_fix_leaves_the_place_of_the_base_aside_where_points_stand_with_the_robot(folder, touchcal):
+    (folder / "setup.yaml").write_text("fixed_to: robot\n")
+
+    code, out, _ = touchcal("fix", "calibration.json", "SEAM.JBI", "--setup", "setup.yaml")
+
+    assert code == 0
+    assert "the base was found" not in out
 
 
 def test_fix_writes_nothing_when_one_program_is_broken(folder, touchcal):

@@ -80,12 +80,14 @@ class _Work:
         result = self._compensate(wanted, np.array([choice.q for choice in chosen]))
         command = transform(result.command)
         apart = self._apart(wanted, chosen, command) if open_ else np.zeros(len(records))
+        after = self.chooser.postures(np.nan_to_num(result.q))
+        still = [bool(self._fits(r.flags)(after.take(slice(i, i + 1)))[0]) for i, r in enumerate(records)]
         why = [
-            _choice_why(choice, apart[i]) or self._flags_why(record, result.q[i], result.why[i])
-            for i, (record, choice) in enumerate(zip(records, chosen, strict=True))
+            _choice_why(choice, apart[i]) or result.why[i] or self._flags_why(still[i])
+            for i, choice in enumerate(chosen)
         ]
         return [
-            Corrected(record, why=why[i]) if why[i] else self._moved(record, place, wanted[i], command[i], result.q[i])
+            Corrected(record, why=why[i]) if why[i] else self._moved(record, place, wanted[i], command[i], still[i])
             for i, (record, place) in enumerate(pairs)
         ]
 
@@ -102,12 +104,12 @@ class _Work:
             np.maximum.at(apart, owner, np.where(others.corrected, way, 0.0))
         return apart
 
-    def _moved(self, record: Record, place: Place, before: np.ndarray, after: np.ndarray, q: np.ndarray) -> Corrected:
+    def _moved(self, record: Record, place: Place, before: np.ndarray, after: np.ndarray, still: bool) -> Corrected:
         """A position corrected."""
         T = place.frame_T_tool(after)
         near = euler_near if record.kind == "euler" else quaternion_near
         values = np.concatenate([T[:3, 3], near(T[:3, :3], record.values[3:])])
-        notes = place.taken if self._still_fits(record, q) else (*place.taken, f"{record.name}: {_CROSSED}")
+        notes = place.taken if still else (*place.taken, f"{record.name}: {_CROSSED}")
         return Corrected(record, values, float(np.linalg.norm(after[:3, 3] - before[:3, 3])), notes=notes)
 
     def joints(self, records: Sequence[Record]) -> list[Corrected]:
@@ -137,14 +139,9 @@ class _Work:
     def _fits(self, flags: Any) -> Fits:
         return _all if flags is None or self.setup.posture == "nearest" else partial(self.maker.fits, flags)
 
-    def _still_fits(self, record: Record, q: Float[np.ndarray, " joints"]) -> bool:
-        return bool(self._fits(record.flags)(self.chooser.postures(q[None]))[0])
-
-    def _flags_why(self, record: Record, q: Float[np.ndarray, " joints"], reason: str) -> str:
-        """Why a position that can be reached is left alone all the same."""
-        if reason or not self.maker.binding or self._still_fits(record, q):
-            return reason
-        return f"posture: {_CROSSED}"
+    def _flags_why(self, still: bool) -> str:
+        """Why a position whose flags do not describe its corrected joints is left alone, where they bind."""
+        return "" if still or not self.maker.binding else f"posture: {_CROSSED}"
 
 
 _CROSSED = "corrected, its joints are not those that its posture flags describe"

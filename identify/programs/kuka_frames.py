@@ -65,7 +65,9 @@ def _taught(view: str, held: Sequence[Structure]) -> dict[str, Place]:
     """What the structures FP1 say of positions XP1."""
     found = dict[str, Place]()
     for structure in held:
-        name = re.search(r"\bFDAT\s+F(\w+)\s*=\s*$", view[: structure.start][-200:], re.IGNORECASE)
+        name = re.search(
+            r"\bFDAT\s+F(\w+)\s*=\s*$", view[max(0, structure.start - 200) : structure.start], re.IGNORECASE
+        )
         if name is None:
             continue
         parts = structure.components

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])"
+WIDEST = 40
 MOST = 12  # decimals that are ever written
 _PARTS = re.compile(r"([+-]?)(\d*)\.?(\d*)(?:[eE]([+-]?\d+))?")
 
@@ -25,9 +26,15 @@ class Number:
 
 def number(match: re.Match[str], group: int | str = 0, *, padded: bool = False) -> Number:
     """A number that a pattern has found; `padded` formats line numbers up at their right edge."""
-    start, text = match.start(group), match.string
-    run = start - len(text[:start].rstrip(" "))
+    start = match.start(group)
+    run = spaces_before(match.string, start)
     return Number(start, match.end(group), match[group], run if padded or run > 1 else 0)
+
+
+def spaces_before(text: str, at: int) -> int:
+    """How many spaces stand just before a place, WIDEST at most."""
+    part = text[max(0, at - WIDEST) : at]
+    return len(part) - len(part.rstrip(" "))
 
 
 def decimals(text: str, least: int) -> int:

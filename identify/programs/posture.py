@@ -57,13 +57,15 @@ class Chooser:
         pool = [[q] if ok else [] for q, ok in zip(first, reached, strict=True)]
         self._more(pool, T, np.flatnonzero(reached), _flipped(first[reached]))
         goal = self.middle if near is None else near
-        found = [self._choice(*each, goal) for each in zip(pool, fits, strict=True)]
+        found = self._choices(pool, fits, goal)
         open_ = np.array([i for i, choice in enumerate(found) if thorough[i] or not choice.fits], dtype=int)
         rng, robot = np.random.default_rng(0), self.kinematics.robot
         for _ in range(DRAWS if len(open_) else 0):
             self._more(pool, T, open_, rng.uniform(robot.lower, robot.upper, (len(open_), len(goal))))
-        for i in open_:
-            found[i] = self._choice(pool[i], fits[i], goal)
+        for i, choice in zip(
+            open_, self._choices([pool[i] for i in open_], [fits[i] for i in open_], goal), strict=True
+        ):
+            found[i] = choice
         return found
 
     def postures(self, q: Float[np.ndarray, "solutions joints"]) -> Postures:
@@ -78,22 +80,30 @@ class Chooser:
             if ok and not any(np.abs(q - known).max() < SAME for known in pool[i]):
                 pool[i].append(q)
 
-    def _choice(self, solutions: list[np.ndarray], fits: Fits, goal: np.ndarray) -> Choice:
-        """The nearest solution that fits, whole turns within the limits included; else the nearest of all."""
-        if not solutions:
+    def _choices(self, pool: Sequence[list[np.ndarray]], fits: Sequence[Fits], goal: np.ndarray) -> list[Choice]:
+        """For each position the nearest solution that fits, whole turns within the limits included."""
+        nothing = np.empty((0, len(goal)))
+        turned = [_turns(self.kinematics.robot, np.array(found)) if found else nothing for found in pool]
+        postures = self.postures(np.concatenate([nothing, *turned]))
+        edges = np.cumsum([0, *map(len, turned)])
+        return [
+            self._choice(q, fit(postures.take(slice(*edges[i : i + 2]))), goal)
+            for i, (q, fit) in enumerate(zip(turned, fits, strict=True))
+        ]
+
+    def _choice(
+        self, q: Float[np.ndarray, "solutions joints"], fitting: Bool[np.ndarray, " solutions"], goal: np.ndarray
+    ) -> Choice:
+        """The nearest of the solutions that fit; else the nearest of all."""
+        if not len(q):
             return Choice(np.full(len(goal), np.nan), False, False)
         robot = self.kinematics.robot
-
-        def order(q: Float[np.ndarray, " joints"]) -> float:
-            return float((((q - goal) / (robot.upper - robot.lower)) ** 2).sum())
-
-        q = _turns(robot, np.array(solutions))
-        allowed = sorted(q[fits(self.postures(q))], key=order)
-        if not allowed:
-            return Choice(min(solutions, key=order), False)
-        turned = [joint_change(robot, allowed[0][None], other[None]).max() for other in allowed]
-        others = tuple(other for other, far in zip(allowed, turned, strict=True) if far > SAME)
-        return Choice(allowed[0], True, others=others)
+        order = np.argsort((((q - goal) / (robot.upper - robot.lower)) ** 2).sum(axis=1), kind="stable")
+        allowed = q[order][fitting[order]]
+        if not len(allowed):
+            return Choice(q[order[0]], False)
+        apart = joint_change(robot, np.broadcast_to(allowed[0], allowed.shape), allowed).max(axis=1)
+        return Choice(allowed[0], True, others=tuple(allowed[apart > SAME]))
 
     def _sides(self, q: Float[np.ndarray, "solutions joints"]) -> tuple[np.ndarray, np.ndarray]:
         """Whether the wrist stands before axis 1, and whether it stands before the lower arm."""

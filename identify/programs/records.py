@@ -66,6 +66,11 @@ class Postures:
     front: Bool[np.ndarray, " solutions"] | None  # before axis 1, not behind it; None: not an elbow arm
     above: Bool[np.ndarray, " solutions"] | None  # before the lower arm: elbow up
 
+    def take(self, part: slice) -> "Postures":
+        """Some of them."""
+        front, above = (None if side is None else side[part] for side in (self.front, self.above))
+        return Postures(self.degrees[part], front, above)
+
 
 @dataclass(frozen=True)
 class Maker:

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from identify.programs.correction import Corrected, frame_T_tool
-from identify.programs.numbers import Number, decimals, written
+from identify.programs.numbers import Number, decimals, spaces_before, written
 from identify.programs.orientation import angle_between
 from identify.programs.records import Maker, Record
 
-WIDEST = 40  # spaces before a number, at most
 NOISE = 1e-5  # [mm] or [deg], below which a correction is rounding of the inverse kinematics and no reason to write
 
 
@@ -44,9 +43,7 @@ def replaced(text: str, changes: Iterable[tuple[Number, str]]) -> str:
 def skeleton(text: str, records: Sequence[Record]) -> str:
     """A text without the numbers of its positions, and without the spaces before them."""
     numbers = [number for record in records for number in record.numbers]
-    before = [text[max(0, number.start - WIDEST) : number.start] for number in numbers]
-    runs = [len(part) - len(part.rstrip(" ")) for part in before]
-    wide = [replace(number, lead=run) for number, run in zip(numbers, runs, strict=True)]
+    wide = [replace(number, lead=spaces_before(text, number.start)) for number in numbers]
     return replaced(text, ((number, "#") for number in wide))
 
 

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from identify.compensation import Compensation, Place
+from identify.compensation import Compensation, Place, remarks
 from identify.compensation import compensate as corrected
-from identify.model.calibration import Calibration, read_calibration
+from identify.model.calibration import read_calibration
 from identify.model.entries import POSE_KEYS, POSE_UNIT
 from identify.model.files import InputError, sheet_text, write_text
 from identify.model.poses import Poses, read_poses
@@ -78,7 +78,7 @@ def compensate(
     if json:
         print_json(summary(wanted, result))
     else:
-        print(story(identified, wanted, result, output))
+        print(story(wanted, result, remarks(identified, "robot" if frame == "jig" else fixed_to), output))
 
 
 def _frame(text: str) -> Place:
@@ -124,7 +124,7 @@ def summary(wanted: Poses, result: Compensation) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def story(identified: Calibration, wanted: Poses, result: Compensation, output: Path) -> str:
+def story(wanted: Poses, result: Compensation, notes: list[str], output: Path) -> str:
     """The result as a person reads it."""
     shift, lines = _shift(wanted, result), [f"{int(result.corrected.sum())} of {len(wanted)} poses corrected"]
     if len(shift):
@@ -133,6 +133,5 @@ def story(identified: Calibration, wanted: Poses, result: Compensation, output: 
     lines += [f"left as they are: {count} {why}" for why, count in result.left().items()]
     lines += [f"  {name}: {reason}" for name, reason in left[:SHOWN]]
     lines += [f"  ... and {len(left) - SHOWN} more, in {output}"] if len(left) > SHOWN else []
-    opened = [part for part, frame in (("base", identified.cell.base), ("tool", identified.cell.tool)) if frame is None]
-    lines += [f"the cell leaves the {' and the '.join(opened)} open: enter what was identified first"] if opened else []
+    lines += notes
     return "\n".join([*lines, f"wrote {output}"])

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
+from identify.compensation import remarks
 from identify.model.calibration import read_calibration
 from identify.model.files import InputError, read_bytes, write_bytes
 from identify.programs.fixing import Fixed
@@ -58,7 +59,7 @@ def fix(
     if json:
         print_json(summary(found))
     else:
-        print(story(found, output))
+        print(story(found, remarks(identified, table.fixed_to), output))
     if diff and not json:
         print(b"".join(each.diff for each in found).decode("utf-8", errors="replace"))
 
@@ -103,7 +104,7 @@ def summary(found: list[Fixed]) -> dict[str, Any]:
     }
 
 
-def story(found: list[Fixed], output: Path) -> str:
+def story(found: list[Fixed], notes: list[str], output: Path) -> str:
     """The result as a person reads it."""
     lines = list[str]()
     for each in found:
@@ -114,10 +115,10 @@ def story(found: list[Fixed], output: Path) -> str:
         )
         lines.append(f"{each.name}: {len(each.shift)} of {len(each.shift) + len(each.left)} positions corrected{moved}")
         lines += [f"  left as they are: {count} {why}" for why, count in each.reasons.items()]
-        for remarks in (each.left, each.mentions):
-            lines += [f"  {_place(m.line, m.name)}{m.why}" for m in remarks[:SHOWN]]
-            lines += [f"  ... and {len(remarks) - SHOWN} more"] if len(remarks) > SHOWN else []
-    return "\n".join([*lines, f"wrote {output}, the changes in {output / DIFF}"])
+        for mentions in (each.left, each.mentions):
+            lines += [f"  {_place(m.line, m.name)}{m.why}" for m in mentions[:SHOWN]]
+            lines += [f"  ... and {len(mentions) - SHOWN} more"] if len(mentions) > SHOWN else []
+    return "\n".join([*lines, *notes, f"wrote {output}, the changes in {output / DIFF}"])
 
 
 def _place(line: int, name: str) -> str:
