@@ -104,8 +104,9 @@ def remarks(calibration: Calibration, fixed_to: Hold) -> list[str]:
         moved, turned = float(np.linalg.norm(apart[:3, 3])), np.degrees(np.arccos(min(1.0, (np.trace(apart) - 2) / 2)))
         if moved > MOVED or turned > MOVED:
             said.append(
-                f"the base was found {moved:.2f} mm and {turned:.2f} degrees from where the cell file puts it, and points "
-                "are taken to stand with the jig; if they stand with the robot (it taught their frames), say fixed to robot"
+                f"the base was found {moved:.2f} mm and {turned:.2f} degrees from where the cell file puts it, and "
+                "points are taken to stand with the jig; if they stand with the robot, which taught their frames, say "
+                "fixed to robot"
             )
     return said
 
