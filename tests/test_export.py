@@ -330,7 +330,7 @@ def dh_forward(files, q):
     return T @ frames["last_to_tip"]
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", ["arc-welder", "irb120", "scara"])
 def test_a_table_of_four_parameters_moves_as_far_off_as_it_says(name, rng):
     calibration = wrong(cell_of(read_robot(library("robots")[name])), rng)
     robot = calibration.cell.robot

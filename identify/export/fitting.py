@@ -11,6 +11,7 @@ from identify.model.frames import transform
 
 LEVERS = ((0.0, 0.0, 0.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0))  # [mm] from the tip: its orientation counts too
 ROUNDS = 20
+ENOUGH = 1e-7  # of the scale of a parameter
 STEP = 1e-6  # of the scale of a parameter, for differences
 WEAK = 1e-6  # singular values below this part of the largest are not moved along: nearly parallel axes stay put
 
@@ -31,7 +32,7 @@ def fitted(
         J = (tips[: len(index)] - tips[len(index) : -1]).T / (2 * STEP)
         move = np.linalg.lstsq(J, (wanted - tips[-1:])[0], rcond=WEAK)[0]
         theta[index] += move * scale
-        if np.abs(move).max() < 1e-10:
+        if np.abs(move).max() < ENOUGH:
             break
     return theta
 
