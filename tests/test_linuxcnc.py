@@ -3,6 +3,7 @@
 Two of them run side by side: one is driven through its own linuxcncrsh, one through a TOUCH/1 bridge of the tests.
 """
 
+import runpy
 import subprocess
 import sys
 import time
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from linuxcnc_cell import CELL, COUNT, SPEED, cell_of_the_test, contact, short_plan, true_robot, ways
-from linuxcnc_running import BRIDGE, RSH, LinuxCNCRunning, needed
+from linuxcnc_running import BRIDGE, CONFIGURATION, RSH, LinuxCNCRunning, needed, truth
 
 import probe
 from identify.model.cell import Cell
@@ -109,6 +110,18 @@ def sensed(cell: Cell, run: Run) -> np.ndarray:
     before, told = (np.radians([touch[when] for touch in run.felt]) for when in ("before", "told"))
     own = np.abs(told - run.latched[:, None]).max(axis=2).argmin(axis=1)  # a touch may have taken two attempts
     return ways(cell, before[own], told[own])
+
+
+def test_the_sensor_reckons_the_same_wire_as_the_model_in_its_own_way(rng):
+    cell = cell_of_the_test()
+    theta = cell.theta + cell.scale * rng.standard_normal(len(cell.theta))
+    sensor = runpy.run_path(str(CONFIGURATION / "touch_sensor.py"))["Cell"](truth(cell, theta))
+
+    for q in rng.uniform(cell.robot.lower, cell.robot.upper, (20, 6)):
+        tip, axis = sensor.wire(q.tolist())
+        expected, R = cell.kinematics.tip(q[None], theta)
+        assert tip == pytest.approx(expected[0], abs=1e-9)  # [mm]
+        assert axis == pytest.approx(R[0, :, 2], abs=1e-12)
 
 
 @pytest.mark.parametrize("protocol", PORTS)

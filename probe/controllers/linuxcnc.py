@@ -25,7 +25,7 @@ T = TypeVar("T")
 ARRIVED = 2 * SLOWEST  # [deg] or [mm]
 PATIENCE = 20.0  # [s] before a controller that does not answer is given up
 REOPENED = 0.3  # [s] between two attempts to open a port that is gone
-CHATTER = 5  # times that a contact may stop a retract by closing again
+CHATTER, NEAR = 5, 1.0  # times, and within how many [deg] or [mm] of where it began, a contact may stop a retract
 
 
 class LinuxCNC:
@@ -76,11 +76,13 @@ class LinuxCNC:
     def move(self, q: Float[np.ndarray, " joints"], rate: float) -> Float[np.ndarray, " joints"]:
         """Move straight to `q`; where the robot stands afterwards."""
         retracts, messages = self._patiently(self._machine.touching), list[str]()
+        began = self._patiently(self._machine.commanded)
         for _ in range(CHATTER):
             messages, _ = self._motion("G1", q, rate)
             if self._patiently(lambda: self._at(q)):
                 return self._patiently(self._standing)
-            if not (retracts and code_of(messages, "") == "EARLY"):
+            near = np.abs(self._patiently(self._machine.commanded) - began).max() < NEAR
+            if not (retracts and near and code_of(messages, "") == "EARLY"):
                 break
         touching = self._patiently(self._machine.touching)
         raise self._machine.refusal(messages, "EARLY" if touching and not retracts else _halted(messages))
