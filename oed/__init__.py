@@ -5,10 +5,9 @@ from typing import Any
 
 _FRONT = {
     "approximate_design": "oed.relaxation",
-    "exact_design": "oed.exchange",
     "plan": "oed.planning",
 }
-__all__ = ["approximate_design", "exact_design", "plan"]
+__all__ = ["approximate_design", "plan"]
 
 
 def __getattr__(name: str) -> Any:

@@ -27,7 +27,8 @@ class Admissible:
     def best(self, gain: Float[np.ndarray, " candidates"]) -> tuple[float, Float[np.ndarray, " groups"]]:
         """Largest sum of weight * gain over the set, and the gain below which a group takes no more.
 
-        Exact: the limits are nested, so it is best to take what each group must have, then whatever gains most and still
+        Exact: the limits are nested, so it is best to take what each group must have, then whatever gains most and
+        still
         fits.
         """
         index = np.concatenate([self._head(gain, group) for group in range(len(self.members))])
@@ -78,9 +79,7 @@ class Admissible:
         return order[filled]
 
 
-def _filled(
-    cap: Float[np.ndarray, " k"], group: Int[np.ndarray, " k"], groups: int
-) -> Float[np.ndarray, " k"]:
+def _filled(cap: Float[np.ndarray, " k"], group: Int[np.ndarray, " k"], groups: int) -> Float[np.ndarray, " k"]:
     """What the candidates before each one, of the same group, can hold together."""
     before = np.empty(len(cap))
     for g in range(groups):
@@ -101,7 +100,9 @@ def admissible(
     if caps.min() <= 0:
         raise ValueError(f"cap: {caps.min():.3g} for candidate {int(caps.argmin())}, expected more than 0")
     if caps.sum() < 1:
-        raise ValueError(f"cap: {count} candidates hold a weight of {caps.sum():.3g} together, expected 1; add candidates")
+        raise ValueError(
+            f"cap: {count} candidates hold a weight of {caps.sum():.3g} together, expected 1; add candidates"
+        )
     names, group, members = _groups(count, face, quotas)
     quotas = quotas or {}
     limits = np.array([quotas.get(int(name), (0.0, 1.0)) for name in names], dtype=float).reshape(-1, 2)

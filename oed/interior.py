@@ -55,7 +55,11 @@ class Master:
         return self.objective.log(self.information(w)) + barrier * float(np.log(distances).sum())
 
     def _direction(
-        self, w: Float[np.ndarray, " k"], s: Float[np.ndarray, " limits"], z: Float[np.ndarray, " limits"], barrier: float
+        self,
+        w: Float[np.ndarray, " k"],
+        s: Float[np.ndarray, " limits"],
+        z: Float[np.ndarray, " limits"],
+        barrier: float,
     ) -> tuple[Float[np.ndarray, " k"], float]:
         """Newton step of the barrier problem along sum(w) = 1, and how much it promises."""
         M = self.information(w)
@@ -79,7 +83,10 @@ class Master:
             ds = self._rates(dw)
             length = min(1.0, TO_BOUNDARY / max(1e-300, float((-ds / s).max())))
             before = self._merit(w, s, barrier)
-            while length > 1e-6 and self._merit(w + length * dw, s + length * ds, barrier) < before + 1e-4 * length * promise - 1e-13:
+            while (
+                length > 1e-6
+                and self._merit(w + length * dw, s + length * ds, barrier) < before + 1e-4 * length * promise - 1e-13
+            ):
                 length /= 2
             dz = barrier / s - z - z / s * ds
             z = z + min(1.0, TO_BOUNDARY / max(1e-300, float((-dz / z).max()))) * dz

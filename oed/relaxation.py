@@ -56,8 +56,10 @@ def approximate_design(
 ) -> ApproximateDesign:
     """Best weights on the candidates to a relative `gap`; the bound holds whether or not the gap was reached.
 
-    `touches` is the number that shares the weights (it matters beside a prior), `cap` the largest weight (1 / touches where
-    no touch is repeated), `quotas` the smallest and largest share of weight per face. O2 and O4 have no concave form: their
+    `touches` is the number that shares the weights (it matters beside a prior), `cap` the largest weight (1 / touches
+    where
+    no touch is repeated), `quotas` the smallest and largest share of weight per face. O2 and O4 have no concave form:
+    their
     weights are those of E, and their bound is nan. E and G have kinks: their gap ends near 1e-3.
     """
     chosen, rows = criterion_named(criterion), checked(rows)

@@ -29,9 +29,7 @@ RSH, BRIDGE = "socket://127.0.0.1:5007", "socket://127.0.0.1:5010"
 
 def missing() -> str:
     """Why LinuxCNC cannot run here, or nothing."""
-    if absent := [
-        name for name in ("linuxcnc", "linuxcncrsh", "unshare", "nsenter", "ip") if shutil.which(name) is None
-    ]:
+    if absent := [name for name in ("linuxcnc", "unshare", "nsenter") if shutil.which(name) is None]:
         return f"{', '.join(absent)} not installed (Debian: apt-get install linuxcnc-uspace)"
     if os.geteuid() != 0:
         return "a network namespace of its own needs root"

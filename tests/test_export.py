@@ -259,6 +259,24 @@ def test_any_chain_of_a_urdf_is_corrected(tmp_path_factory, stages, seed):
     )
 
 
+@pytest.mark.parametrize("name", ROBOTS)
+def test_pinocchio_reads_the_urdf_as_the_identified_robot(name, tmp_path, rng):
+    pin = pytest.importorskip("pinocchio", reason="pinocchio is not installed (pip install pin)")
+    calibration = wrong(cell_of(read_robot(library("robots")[name])), rng)
+    (tmp_path / "arm.urdf").write_text(export(calibration, "urdf").files[".urdf"])
+    model = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
+    data, unit = model.createData(), np.where(calibration.cell.robot.prismatic, 1000, 1)
+
+    def found(q):
+        pin.framesForwardKinematics(model, data, q / unit)
+        jig, tip = (data.oMf[model.getFrameId(frame)] for frame in ("touchcal_jig", "touchcal_tip"))
+        T = (jig.inverse() * tip).homogeneous
+        T[:3, 3] *= 1000
+        return T
+
+    assert_same(found, calibration, rng)
+
+
 def yaml_forward(text, q):
     """base_T_flange [mm] of six origins with turns about z between them: a reader of its own."""
     entries = YAML(typ="safe").load(text)["kinematics"]
