@@ -47,16 +47,16 @@ def certify(
     offered: Offer,
     refinement: Refinement,
     aim: Aim,
-    weights: Float[np.ndarray, " touches"],
+    M0: Float[np.ndarray, "kept kept"],
     n: int,
     allowed: Bool[np.ndarray, " touches"] | None = None,
 ) -> Certificate:
-    """Bound n touches by the tangent at the information of approximate `weights`, over the manifold of touches.
+    """Bound n touches by the tangent at information M0, over the manifold of touches.
 
-    Where not all touches on offer are `allowed`, the bound is over those like the allowed ones.
+    The bound is tight where M0 is nearly the best that there is. Where not all touches on offer are `allowed`, the bound
+    is over those like the allowed ones.
     """
     F, P = offered.rows, offered.known.precision
-    M0 = P + n * (F.T * weights) @ F
     C = np.linalg.inv(M0)
     S = aim.weight(C)
     gains = ((F @ S) * F).sum(axis=1)

@@ -10,10 +10,13 @@ from oed.aim import Aim
 from oed.offer import Offer, plan_of
 from oed.passes import swapped
 from oed.sequence import Order
-from oed.ways import astray, like
+from oed.ways import COARSE, astray, like
 
 POOL = 2500  # touches that an exchange looks at
-TRIES = 8  # of choosing again where the chosen cannot be visited
+TRIES = 4  # of choosing again where the chosen cannot be visited
+MENDS = 6  # of replacing what cannot be visited
+LOOKS = 30  # at touches that tell nearly the same
+NEIGHBOURS = 4  # clear ways to others that make a touch likely to find its place in an order
 
 Pick = Callable[[Bool[np.ndarray, " touches"], Int[np.ndarray, " n"] | None], Int[np.ndarray, " n"]]
 
@@ -26,30 +29,54 @@ class Visit:
     allowed: Bool[np.ndarray, " touches"]  # of the offer: those that do not lead to blocked ways, as far as was seen
 
 
-def visited(offered: Offer, pick: Pick, rng: np.random.Generator) -> Visit:
+def visited(
+    offered: Offer, pick: Pick, rng: np.random.Generator, allowed: Bool[np.ndarray, " touches"] | None = None
+) -> Visit:
     """Touches that `pick` chooses among those allowed, until they can be visited on clear ways.
 
-    What leads to blocked ways is given up, with all that is more like it than like what stays. The best try is
-    returned where none is free of blocked ways.
+    What leads to blocked ways is given up, with all that is more like it than like what stays; after some tries, it is
+    put in the place of what is given up that tells nearly the same and can be visited. The best try is returned where
+    none is free of blocked ways.
     """
     cell, at = offered.known.cell, offered.found.approach
-    allowed, chosen = np.ones(len(at), dtype=bool), None
-    best: Visit | None = None
-    for _ in range(TRIES):
-        chosen = pick(allowed, chosen)
+    allowed = np.ones(len(at), dtype=bool) if allowed is None else allowed
+    chosen, best = pick(allowed, None), None
+    for attempt in range(TRIES + MENDS):
         found, clear = offered.ways.order(cell, plan_of(offered.found.take(chosen)), rng, kicks=0)
         if best is None or len(found.blocked) < len(best.order.blocked):
             best = Visit(replace(found, index=chosen[found.index]), allowed)
         if not found.blocked:
             break
-        pairs = np.array([[found.index[i], found.index[i + 1]] for i in found.blocked])
-        bad = astray(clear, pairs)
+        bad = astray(clear, np.array([found.index[[i, i + 1]] for i in found.blocked]))
         good = np.setdiff1d(np.arange(len(chosen)), bad)
-        allowed = allowed & ~like(cell, at, at[chosen[bad]], at[chosen[good]])
-        if allowed.sum() < len(chosen):
+        fewer = allowed & ~like(cell, at, at[chosen[bad]], at[chosen[good]])
+        if fewer.sum() < len(chosen):
             break
+        allowed = fewer
+        chosen = pick(allowed, chosen) if attempt < TRIES else _mended(offered, chosen, bad, allowed)
     assert best is not None
     return best
+
+
+def _mended(
+    offered: Offer,
+    chosen: Int[np.ndarray, " n"],
+    bad: Int[np.ndarray, " some"],
+    allowed: Bool[np.ndarray, " touches"],
+) -> Int[np.ndarray, " n"]:
+    """The touches with those that lead astray replaced by others that tell nearly the same and have clear ways."""
+    at, F = offered.found.approach, offered.rows
+    kept = np.delete(chosen, bad)
+    F = F @ np.linalg.cholesky(offered.known.covariance(F[chosen]))  # so that distances mean information
+    for i in chosen[bad]:
+        distance = np.minimum(((F - F[i]) ** 2).sum(axis=1), ((F + F[i]) ** 2).sum(axis=1))
+        distance[~allowed] = np.inf
+        distance[kept] = np.inf
+        near = np.argsort(distance, kind="stable")[:LOOKS]
+        pairs = np.array([[a, b] for a in near for b in kept])
+        clear = offered.ways.clear(at[pairs[:, 0]], at[pairs[:, 1]], COARSE).reshape(len(near), len(kept)).sum(axis=1)
+        kept = np.append(kept, near[int(np.argmax(clear >= min(NEIGHBOURS, clear.max())))])
+    return kept
 
 
 def optimal(offered: Offer, n: int, aim: Aim) -> Pick:

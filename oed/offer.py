@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.touch import Plan
-from oed.candidates import Candidates, candidates
+from oed.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.information import Knowledge, knowledge_after, nominal_knowledge, touch_sigma
 from oed.judgement import Judge
 from oed.ways import Ways
@@ -69,15 +69,16 @@ def offer(
     rng: np.random.Generator,
     *,
     after: Calibration | None = None,
-    count: int | None = None,
+    count: int = COUNT,
     structured: bool = True,
 ) -> Offer:
     """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly."""
     if after is not None:
         cell = _placed(cell, after)
     known = nominal_knowledge(cell) if after is None else knowledge_after(cell, after)
-    options = ({} if count is None else {"count": count}) | ({} if structured else {"structured": 0.0})
-    return Offer(known, candidates(cell, rng, theta=known.theta, covariance=known.deviation, **options))  # type: ignore[arg-type]
+    share = STRUCTURED if structured else 0.0
+    found = candidates(cell, rng, count, theta=known.theta, covariance=known.deviation, structured=share)
+    return Offer(known, found)
 
 
 def _placed(cell: Cell, after: Calibration) -> Cell:

@@ -16,10 +16,12 @@ from oed.information import touch_sigma
 from oed.offer import Offer, offer, plan_of
 from oed.sequence import Order
 from oed.strategies import STRATEGIES, Choice, Setting
-from oed.unseen import unseen
+from oed.unseen import limiting, unseen
 from oed.zone import Promise
 
 CRITERION = "V"
+COUNT = 12_000  # touches on offer: refined, a plan from 30,000 is no better
+MANIFOLD = "all touches of the faces, as far as polishing the best on offer finds better ones, clear of the jig or not"
 Progress = Callable[[str, float], None]  # what is being done, and how much of the whole is done (0 ... 1)
 
 
@@ -38,7 +40,7 @@ class PlanResult:
     curve: tuple[tuple[int, float], ...]  # numbers of touches, and the 95 % tip error in the zone to expect [mm]
     minutes: float
     unseen: tuple[str, ...]  # sentences: what these touches cannot see, and what to add
-    notes: tuple[str, ...]  # sentences: faces that are not reached or may be missed, ways that are not clear
+    notes: tuple[str, ...]  # sentences: faces not reached, ways not clear, what limits the accuracy
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -55,7 +57,7 @@ def plan(
     after: Calibration | None = None,
     robust: int = 0,
     worst: bool = False,
-    count: int | None = None,
+    count: int = COUNT,
     progress: Progress | None = None,
 ) -> PlanResult:
     """Choose touches of the jig: `n` of them (50), or as few as bring the tip error in the zone below `target`.
@@ -91,6 +93,7 @@ def summary(result: PlanResult) -> dict[str, Any]:
         "efficiency": result.efficiency,
         "efficiency_covers": result.efficiency_covers,
         "manifold": result.manifold,
+        "manifold_covers": MANIFOLD,
         "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
         "curve": [{"touches": m, "p95_mm": error} for m, error in result.curve],
         "minutes": result.minutes,
@@ -110,6 +113,8 @@ def _check(n: int | None, target: float | None, criterion: str, strategy: str) -
 
 def _enough(offered: Offer, n: int, least: int) -> None:
     """Raise InputError where n touches can never determine the parameters, or cannot be had."""
+    if n < 1:
+        raise InputError(f"{n} touches are asked for, expected a number above 0")
     if n < least:
         raise InputError(
             f"{n} touches cannot determine the {least} identifiable parameters of robot "
@@ -130,7 +135,11 @@ def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
         efficiency=choice.efficiency, efficiency_covers="candidates", manifold=choice.manifold,
         promise=offered.promise(touches), curve=curve(offered, touches, least), minutes=choice.order.minutes,
         unseen=unseen(offered.known, offered.rows, rows, offered.zone),
-        notes=(*offered.found.notes, *_blocked(made, choice.order)),
+        notes=(
+            *offered.found.notes,
+            *_blocked(made, choice.order),
+            limiting(offered.known, offered.known.covariance(rows), offered.zone),
+        ),
     )  # fmt: skip
 
 

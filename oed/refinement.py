@@ -196,7 +196,7 @@ def _accepted(
         changed[i] = rows[k]
         if (now := value(changed)) > best:
             best, F = now, changed
-            touches = _put(touches, i, trials, k)
+            touches = replaced(touches, np.array([i]), trials.take(np.array([k])))
             moved.add(i)
     return touches, F
 
@@ -208,11 +208,11 @@ def _apart(touches: Candidates, i: int, trials: Candidates, k: int) -> bool:
     return not (near & turned & (np.arange(len(touches)) != i)).any()
 
 
-def _put(touches: Candidates, i: int, trials: Candidates, k: int) -> Candidates:
-    """Touches with one of them replaced."""
+def replaced(touches: Candidates, index: Int[np.ndarray, " some"], others: Candidates) -> Candidates:
+    """Touches with some of them replaced."""
     columns = {name: getattr(touches, name).copy() for name in COLUMNS}
     for name, column in columns.items():
-        column[i] = getattr(trials, name)[k]
+        column[index] = getattr(others, name)
     return replace(touches, **columns)
 
 

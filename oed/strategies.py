@@ -1,25 +1,26 @@
 """The strategies of planning: optimal, even and random, each from an offer to touches in the order of making them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from oed.aim import Aim
 from oed.candidates import Candidates
 from oed.certificate import certify
-from oed.choice import Pick, Visit, mean_square, optimal, robust, visited
+from oed.choice import Pick, mean_square, optimal, robust, visited
 from oed.criteria import CRITERIA
 from oed.even import even
 from oed.information import drawn, touch_sigma
 from oed.offer import Offer, plan_of
-from oed.refinement import Refinement, refine
+from oed.refinement import Refinement, refine, replaced
 from oed.relaxation import ApproximateDesign, approximate_design, phi
 from oed.sequence import Order
 
 STRATEGIES = ("optimal", "even", "random")
+RETURNS = 5  # times that touches at ways which moving them has blocked are put back
 GAP = 3e-3  # of the relaxation: its bound holds at any gap
 Say = Callable[[str, float], None]
 
@@ -74,18 +75,20 @@ class Setting:
         """Touches in an order; ways that cannot be kept clear are part of it."""
         say("choosing", 0.0)
         visit = visited(self.offered, self._pick(n), self.rng)
-        touches = self.offered.found.take(visit.order.index)
         if self.strategy != "optimal" or self.draws:
-            return Choice(*self._ordered(touches))
-        say("bounding", 0.3)
-        bound = self._bound(visit, n)
-        say("refining", 0.5)
+            touches = self.offered.found.take(visit.order.index)
+            order = self._ordered(touches)
+            return Choice(touches.take(order.index), order)
+        say("bounding", 0.2)
+        bound = self._bound(visit.allowed, n)
+        touches = self.offered.found.take(visit.order.index)
+        say("refining", 0.6)
         refinement = Refinement(self.offered.known, self.offered.judge)
-        touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.4 * share))
+        touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.6 + 0.3 * share))
         say("bounding", 0.9)
         M = self._information(self._rows(touches))
         manifold = certify(
-            self.offered, refinement, self.aim, bound.weights, n, visit.allowed
+            self.offered, refinement, self.aim, bound.information, n, visit.allowed
         ).efficiency(self.aim, M)  # fmt: skip
         return Choice(touches, found, self._efficiency(M, bound), manifold if self.smooth else None)
 
@@ -100,25 +103,31 @@ class Setting:
             return robust(offered, n, models, self.aim.B is not None, self.worst)
         return optimal(offered, n, self.aim)
 
-    def _bound(self, visit: Visit, n: int) -> ApproximateDesign:
-        """The best weights on touches that can be visited, and the bound that they give."""
-        some, known = np.flatnonzero(visit.allowed), self.offered.known
-        rows = self.offered.rows[some]
-        found = approximate_design(rows, self.criterion, GAP, touches=n, prior=known.precision, zone=self.zone)
-        weights = np.zeros(len(visit.allowed))
-        weights[some] = found.weights
-        return replace(found, weights=weights)
+    def _bound(self, allowed: Bool[np.ndarray, " touches"], n: int) -> ApproximateDesign:
+        """The best weights on allowed touches, and the bound that they give."""
+        rows, P = self.offered.rows[allowed], self.offered.known.precision
+        return approximate_design(rows, self.criterion, GAP, touches=n, prior=P, zone=self.zone)
 
     def _refined(
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
     ) -> tuple[Candidates, Order]:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
-        moved, found = self._ordered(refine(refinement, touches, self.aim, self._value, progress=say))
-        return (moved, found) if not found.blocked else self._ordered(touches)
+        moved = refine(refinement, touches, self.aim, self._value, progress=say)
+        for _ in range(RETURNS):
+            order = self._ordered(moved)
+            if not order.blocked:
+                return moved.take(order.index), order
+            ends = np.unique([order.index[[i, i + 1]] for i in order.blocked])
+            moved = replaced(moved, ends, touches.take(ends))
+        order = self._ordered(touches)
+        return touches.take(order.index), order
 
-    def _ordered(self, touches: Candidates) -> tuple[Candidates, Order]:
-        found, _ = self.offered.ways.order(self.offered.known.cell, plan_of(touches), self.rng)
-        return touches.take(found.index), found
+    def _ordered(self, touches: Candidates) -> Order:
+        """A short order of touches, which are in a good one already."""
+        order, _ = self.offered.ways.order(
+            self.offered.known.cell, plan_of(touches), self.rng, start=np.arange(len(touches))
+        )
+        return order
 
     def _value(self, rows: Float[np.ndarray, "touches kept"]) -> float:
         """Of the criterion, as a logarithm."""

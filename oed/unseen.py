@@ -28,6 +28,34 @@ def unseen(
     return tuple(_sentence(known, pool, len(chosen), zone, v) for v in weak[:LISTED])
 
 
+def limiting(
+    known: Knowledge,
+    covariance: Float[np.ndarray, "kept kept"],
+    zone: Float[np.ndarray, "poses joints"],
+) -> str:
+    """What most of the tip error in the zone comes from after the touches, and the face that would show it best.
+
+    The direction of parameters in which the covariance moves the tip most, on the average over the zone.
+    """
+    tip = known.tip_rows(zone)
+    root = np.linalg.cholesky(covariance)
+    moves = np.einsum("pik,kl->pil", tip, root, optimize=True)
+    value, vector = np.linalg.eigh(np.einsum("pik,pil->kl", moves, moves, optimize=True))
+    v = root @ vector[:, -1]
+    share = value[-1] / value.sum()
+    pose, axis = np.unravel_index(int(np.argmax(np.abs(tip @ v))), tip.shape[:2])
+    return (
+        f"{100 * share:.0f} % of the tip variance that is left comes from one direction, {_names(known, v)}; "
+        f"a face that looks along {_where(known, zone, int(pose), int(axis))} would show it best"
+    )
+
+
+def _where(known: Knowledge, zone: np.ndarray, pose: int, axis: int) -> str:
+    """An axis, and a place in the jig frame."""
+    at = known.cell.kinematics.tip(zone[pose : pose + 1], known.theta)[0][0]
+    return f"{'xyz'[axis]} near ({', '.join(f'{x:.0f}' for x in at)}) mm"
+
+
 def _sentence(known: Knowledge, pool: np.ndarray, n: int, zone: np.ndarray, v: Float[np.ndarray, " kept"]) -> str:
     """One direction: who it is, whether the jig could show it, what it does in the zone, and what to add."""
     tip = known.tip_rows(zone) @ v
@@ -56,6 +84,4 @@ def _cure(known: Knowledge, zone: np.ndarray, tip: Float[np.ndarray, "poses 3"],
     pose, axis = np.unravel_index(int(np.argmax(np.abs(tip))), tip.shape)
     if (tip[pose, axis] / sigma) ** 2 < BETTER * best:
         return "make more touches"
-    at = known.cell.kinematics.tip(zone[pose : pose + 1], known.theta)[0][0]
-    where = ", ".join(f"{x:.0f}" for x in at)
-    return f"add a face that looks along {'xyz'[axis]} near ({where}) mm"
+    return f"add a face that looks along {_where(known, zone, int(pose), int(axis))}"

@@ -44,15 +44,24 @@ class Ways:
         return out
 
     def order(
-        self, cell: Cell, plan: Plan, rng: np.random.Generator, kicks: int | None = None
+        self,
+        cell: Cell,
+        plan: Plan,
+        rng: np.random.Generator,
+        kicks: int | None = None,
+        *,
+        start: Int[np.ndarray, " touches"] | None = None,
     ) -> tuple[Order, Bool[np.ndarray, "touches touches"]]:
-        """A short order along clear ways, each looked at finely, and which ways were taken for clear."""
+        """A short order along clear ways, each looked at finely, and which ways were taken for clear.
+
+        Never longer than `start`, nor blocked where that is not.
+        """
         clear = self.among(plan.approach)
         sure = np.zeros_like(clear)
-        start = None
+        before = start
         while True:
-            found = order(cell, plan, clear, rng, start=start, kicks=kicks)
-            start, kicks = found.index, 0
+            found = order(cell, plan, clear, rng, start=before, kicks=kicks)
+            before, kicks = found.index if start is None else start, 0
             a, b = found.index[:-1], found.index[1:]
             new = np.flatnonzero(clear[a, b] & ~sure[a, b])
             fine = self.clear(plan.approach[a[new]], plan.approach[b[new]])

@@ -145,9 +145,9 @@ def test_moving_all_at_once_helps_where_moving_one_by_one_ends(refinement, offer
 
 def test_no_design_beats_the_bound_over_the_manifold(offered, refinement, aim, moved, chosen, rng):
     P, F = offered.known.precision, offered.rows
-    weights = np.full(len(F), 1 / len(F))  # any weights give a bound; good ones give a tight one
+    M0 = P + N * F.T @ F / len(F)  # any information gives a bound; that of the best weights gives a tight one
 
-    found = certify(offered, refinement, aim, weights, N)
+    found = certify(offered, refinement, aim, M0, N)
 
     sets = [rng.choice(len(F), N, replace=False) for _ in range(50)]
     rivals = [P + F[s].T @ F[s] for s in sets] + [information(offered, t) for t in (chosen, moved)]

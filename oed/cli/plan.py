@@ -6,17 +6,20 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from identify.model.calibration import read_calibration
-from identify.model.files import digest, write_text
+from identify.model.files import InputError, digest, write_text
 from identify.model.tables import plan_text
 from oed.cli.options import CellFile, Json, Seed, load_cell, print_json, progress
 
 
 def plan(
     *,
-    n: Annotated[int, Parameter(name=["-n", "--touches"])] = 50,
-    criterion: str = "D",
+    n: Annotated[int | None, Parameter(name=["-n", "--touches"])] = None,
+    target: Annotated[float | None, Parameter(name="--target")] = None,
+    criterion: str = "V",
     strategy: Literal["optimal", "even", "random"] = "optimal",
     after: Path | None = None,
+    robust: int = 0,
+    worst: Annotated[bool, Parameter(negative=())] = False,
     cell: CellFile = Path("cell.yaml"),
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("plan.csv"),
     seed: Seed = 0,
@@ -24,20 +27,28 @@ def plan(
 ) -> None:
     """Choose the touches that tell the most about the robot.
 
-    Writes plan.csv, and beside it a .json file of the same name that says what the plan promises. Example:
+    Writes plan.csv, and beside it a .json file of the same name that says what the plan promises. Examples:
 
         touchcal plan -n 50 -o plan.csv
+
+        touchcal plan --target 0.15
 
     Parameters
     ----------
     n
-        How many touches to make.
+        How many touches to make; 50 if no target is given.
+    target
+        Tip error [mm] that 95 % of the poses of the weld zone should stay below: as few touches as do it.
     criterion
-        What the plan makes best: D, A, E, V, G or O1 to O5.
+        What the plan makes best: V and G, the mean and the largest tip error in the weld zone; D, A, E, or O1 to O5.
     strategy
         optimal; even spreads points over the faces as the paper does; random draws them.
     after
         An earlier calibration.json: its parameters and what it knows are the start.
+    robust
+        So many robots drawn from the tolerances, or from what the calibration leaves open, are planned for at once.
+    worst
+        Plan for the worst of these robots, not for their mean.
     output
         Where the plan is written.
     """
@@ -46,10 +57,15 @@ def plan(
     from oed.planning import plan as make
     from oed.planning import summary
 
+    if robust < 0:
+        raise InputError(f"--robust is {robust}, expected how many robots to draw, 10 for example")
     described = load_cell(cell)
     known = None if after is None else read_calibration(after)
     with progress(not json) as say:
-        result = make(described, n, criterion, strategy, np.random.default_rng(seed), after=known, progress=say)
+        result = make(
+            described, n, criterion, strategy, np.random.default_rng(seed), target=target, after=known, robust=robust,
+            worst=worst, progress=say,
+        )  # fmt: skip
     write_text(output, plan_text(result.plan, described.robot))
     told = summary(result) | {"seed": seed}
     write_summary(output.with_suffix(".json"), told, {cell.name: digest(cell)} | dict(described.sources))
@@ -69,13 +85,33 @@ def write_summary(path: Path, told: dict[str, Any], inputs: dict[str, str]) -> N
 
 def story(told: dict[str, Any], output: Path) -> str:
     """The plan as a person reads it."""
-    promise, efficiency = told["promise"], told["efficiency"]
+    promise = told["promise"]
+    chosen = f"criterion {told['criterion']}" if told["strategy"] == "optimal" else f"strategy {told['strategy']}"
     lines = [
-        f"{told['touches']} touches, criterion {told['criterion']}, about {told['minutes']:.0f} minutes",
+        f"{told['touches']} touches, {chosen}, about {told['minutes']:.0f} minutes",
         f"promised tip error in the weld zone: RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm",
+        *_curve(told["curve"]),
         "indices: " + ", ".join(f"{name} {value:.4g}" for name, value in told["indices"].items()),
+        *_certificate(told),
     ]
-    if efficiency is not None:
-        lines.append(f"at least {100 * efficiency:.1f} % of the best possible over all {told['efficiency_covers']}")
     lines += [f"not seen: {sentence}" for sentence in told["unseen"]]
+    lines += [f"note: {sentence}" for sentence in told["notes"]]
     return "\n".join([*lines, f"wrote {output}; make the touches with touchcal run {output}"])
+
+
+def _curve(points: list[dict[str, float]]) -> list[str]:
+    """More or fewer touches like these, and what to expect of them."""
+    return [
+        "touches   " + "".join(f"{point['touches']:7.0f}" for point in points),
+        "95 % [mm] " + "".join(f"{point['p95_mm']:7.3f}" for point in points),
+    ]
+
+
+def _certificate(told: dict[str, Any]) -> list[str]:
+    """How near to the best, and to the best of what."""
+    lines = []
+    if told["efficiency"] is not None:
+        lines.append(f"at least {100 * told['efficiency']:.1f} % of the best possible over the touches on offer")
+    if told["manifold"] is not None:
+        lines.append(f"at least {100 * told['manifold']:.1f} % of the best possible over {told['manifold_covers']}")
+    return lines
