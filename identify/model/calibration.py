@@ -176,16 +176,15 @@ def read_calibration(path: Path) -> Calibration:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"
-        sentence = f"not a calibration: {where}: {first['msg']}; make it again with touchcal identify"
-        raise InputError([Mistake(str(path), 0, sentence)]) from None
+        raise _wrong(path, f"not a calibration: {where}: {first['msg']}") from None
+    except InputError as error:
+        raise _wrong(path, f"not a calibration: {error}") from None
     if [p.name for p in file.parameters] != list(cell.robot.parameters):
-        raise InputError([Mistake(str(path), 0, "its parameters are not those of its robot; make it again")])
+        raise _wrong(path, "its parameters are not those of its robot")
     unit = cell.robot.parameter_unit()
     estimated = tuple(p.name for p in file.parameters if p.status == "estimated")
     scale = unit[[p.status == "estimated" for p in file.parameters]]
-    covariance = np.array(file.covariance).reshape(len(file.covariance), -1)
-    if covariance.shape != (len(estimated), len(estimated)):
-        raise InputError([Mistake(str(path), 0, f"covariance is {covariance.shape}, expected {len(estimated)} square")])
+    covariance = _covariance(path, file.covariance, len(estimated))
     return Calibration(
         cell=cell,
         theta=np.array([p.value for p in file.parameters]) * unit,
@@ -197,3 +196,24 @@ def read_calibration(path: Path) -> Calibration:
         outliers=file.outliers, fit=file.fit, held_out=file.held_out, residuals=file.residuals,
         fingerprints=frozenset(file.fingerprints), iterations=file.iterations, solve_s=file.solve_s, inputs=file.inputs,
     )  # fmt: skip
+
+
+def _covariance(path: Path, rows: list[list[float]], size: int) -> Float[np.ndarray, "estimated estimated"]:
+    """The covariance of a file, in file units."""
+    if len(rows) != size or any(len(row) != size for row in rows):
+        widths = " or ".join(map(str, sorted({len(row) for row in rows}))) or "0"
+        raise _wrong(path, f"its covariance is {len(rows)} x {widths}, expected {size} x {size}, a row a parameter")
+    C = np.array(rows).reshape(size, size)
+    if not np.allclose(C, C.T, rtol=1e-6, atol=0) or (size and np.linalg.eigvalsh(_correlation(C))[0] < -1e-6):
+        raise _wrong(path, "its covariance is not one: variances and covariances do not fit each other")
+    return C
+
+
+def _correlation(C: Float[np.ndarray, "size size"]) -> Float[np.ndarray, "size size"]:
+    """A covariance in units of its deviations; one that is none where a variance is not above 0."""
+    deviation = np.sqrt(np.maximum(np.diag(C), 0.0))
+    return C / deviation / deviation[:, None] if (deviation > 0).all() else np.array([[-1.0]])
+
+
+def _wrong(path: Path, text: str) -> InputError:
+    return InputError([Mistake(str(path), 0, f"{text}; make it again with touchcal identify")])

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from identify.model import schema
 from identify.model.cell import DEG, Cell, Controller, Priors, TouchSettings, Wire, Zone
+from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.jig import Box, Face, Jig
 from identify.model.robot import POSE_NAMES, Capsule, Joint, Robot
@@ -29,7 +30,8 @@ def joint_of(number: int, entry: schema.JointEntry) -> Joint:
     """A joint from its entry."""
     slides = entry.type == "prismatic"
     limits = entry.limits_mm if slides else entry.limits_deg
-    assert limits is not None  # the reader has checked
+    if limits is None:
+        raise InputError(f"joint '{entry.name or f'j{number}'}' has no limits_{'mm' if slides else 'deg'}")
     unit = 1.0 if slides else DEG
     speed = (entry.speed_mm_s or 500.0) if slides else (entry.speed_deg_s or 90.0) * DEG
     return Joint(
@@ -138,6 +140,9 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
 
 
 def cell_from_entry(entry: dict[str, Any], sources: dict[str, str]) -> Cell:
-    """The inverse of `cell_entry`; raises pydantic's ValidationError where the document is not one."""
+    """The inverse of `cell_entry`; raises pydantic's ValidationError or InputError where the document is not one."""
     file = schema.EmbeddedCell.model_validate(entry)
-    return cell_of(file, robot_of(file.robot), None if file.jig is None else jig_of(file.jig), sources)
+    robot = robot_of(file.robot)
+    if unknown := sorted({*file.fixed, *file.bounds} - set(robot.parameters)):
+        raise InputError(f"robot '{robot.name}' has no parameter '{unknown[0]}'")
+    return cell_of(file, robot, None if file.jig is None else jig_of(file.jig), sources)
