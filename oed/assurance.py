@@ -8,8 +8,8 @@ from jaxtyping import Float
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.touch import Touches
+from identify.model.zone import zone_poses
 from oed.information import Knowledge, knowledge_after, nominal_knowledge
-from oed.zone import zone_poses
 
 ROBOTS = 400  # drawn from what is known
 SHARE = 95.0  # percent of the poses of a robot, and of the robots

@@ -9,11 +9,12 @@ from jaxtyping import Float, Int
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.touch import Plan
+from identify.model.zone import zone_poses
 from oed.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.information import Knowledge, knowledge_after, nominal_knowledge, touch_sigma
 from oed.judgement import Judge
 from oed.ways import Ways
-from oed.zone import Promise, promise, zone_poses
+from oed.zone import Promise, promise
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ import pytest
 from identify.model.calibration import summarize
 from identify.model.cell import Priors
 from identify.model.files import InputError
+from identify.model.zone import zone_poses
 from oed.assurance import assured
 from oed.campaign import campaign
 from oed.cli.project import Folder, touches_of
 from oed.posterior import believe, believed
 from oed.wary import plan_warily
-from oed.zone import zone_poses
 from probe.controller import TouchError
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, draw_truth

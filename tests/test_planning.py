@@ -8,9 +8,9 @@ import pytest
 import identify
 from identify.model.files import InputError
 from identify.model.tables import plan_text
+from identify.model.zone import zone_poses
 from oed.criteria import CRITERIA
 from oed.planning import plan, summary
-from oed.zone import zone_poses
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import draw_truth
 

@@ -8,7 +8,8 @@ from scipy.stats import chi
 
 from identify.model.cell import Zone
 from identify.model.files import InputError
-from oed.zone import cone, in_zone, promise, zone_of, zone_poses
+from identify.model.zone import cone, in_zone, zone_of, zone_poses
+from oed.zone import promise
 
 
 @pytest.fixture(scope="module")

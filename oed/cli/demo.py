@@ -13,12 +13,12 @@ from identify.model.cell import Cell
 from identify.model.description import library, read_cell
 from identify.model.files import InputError, digest, read_text, write_text
 from identify.model.tables import plan_text, read_touches, touches_text
+from identify.model.zone import zone_poses
 from identify.verification import verify
 from oed.cli.options import Json, Seed, errors_table, print_json, progress
 from oed.cli.plan import write_summary
 from oed.planning import PlanResult, summary
 from oed.planning import plan as make_plan
-from oed.zone import zone_poses
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, read_truth, truths
 
