@@ -40,7 +40,7 @@ def calibrate(
     regions are held out in turn; `inputs` are the hashes of the files. Raises InputError where the touches cannot
     determine the parameters, and CalibrationFailed where Ipopt does not converge.
     """
-    problem = _Problem.pose(cell, rows(cell.wire, measured), loss, priors)
+    problem = _Problem.pose(cell, rows(cell.wire, measured, cell.robot.temperature), loss, priors)
     estimate = problem.estimate()
     seen = problem.sight(estimate.x, estimate.weight)
     problem.require_rank(seen, "at the solution")
@@ -117,7 +117,7 @@ class _Problem:
         if loss not in LOSSES:
             raise InputError(f"loss '{loss}' is not known; choose one of {', '.join(LOSSES)}")
         start = starting_point(cell, rows)
-        found = structure(cell, start, still_joints(rows))
+        found = structure(cell, start, still_joints(rows), rows.conditions)
         if len(rows) < found.rank:
             raise InputError(
                 f"{len(rows)} equations cannot determine {found.rank} parameters; make at least "

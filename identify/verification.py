@@ -21,7 +21,7 @@ class Verification:
 
 def verify(calibration: Calibration, *measured: Touches | Positions) -> Verification:
     """Errors of the nominal and of the identified robot; raises InputError where a measurement was used in the fit."""
-    found = rows(calibration.cell.wire, measured)
+    found = rows(calibration.cell.wire, measured, calibration.cell.robot.temperature)
     if not len(found):
         raise InputError("there is nothing to verify with: no touch of status hit, no position")
     prints = fingerprints(found.q, found.offset[:, None])

@@ -29,7 +29,7 @@ class Segments:
 
 def segments(robot: Robot, theta: Float[np.ndarray, " parameters"]) -> Segments:
     """The constant parts of a robot with these parameters."""
-    links = theta[6:-6].reshape(-1, 5)
+    links = robot.link_values(theta)
     return Segments(robot.base_T_first, tuple(_link(*link) for link in links), robot.last_T_flange, robot.prismatic)
 
 

@@ -33,7 +33,7 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
     if np.abs(start[betas]).max() > 0:
         start[betas] = 0.0
         start = fitted(calibration, free, start)
-    links = start[6:-6].reshape(-1, 5)[:, :4] / UNIT
+    links = robot.link_values(start)[:, :4] / UNIT
     kinds = ["prismatic" if slides else "revolute" for slides in robot.prismatic]
     table = sheet_text(
         {"joint": [joint.name for joint in robot.joints], "type": kinds} | dict(zip(COLUMNS, links.T, strict=True))
@@ -47,7 +47,7 @@ def _far(
     robot: Robot, nominal: Float[np.ndarray, " parameters"], theta: Float[np.ndarray, " parameters"]
 ) -> tuple[str, ...]:
     """A word about common normals that run away between nearly parallel axes."""
-    moved = (theta - nominal)[6:-6].reshape(-1, 5)[:, 1]
+    moved = robot.link_values(theta - nominal)[:, 1]
     far = [f"{joint.name} {d:+.0f} mm" for joint, d in zip(robot.joints, moved, strict=True) if abs(d) > FAR]
     why = "nearly parallel axes have their common normal far away, and this format knows no other"
     return (f"d moved far: {', '.join(far)}; {why}",) if far else ()

@@ -20,17 +20,18 @@ from identify.model.schema import PoseEntry, RobotFile
 def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """The JSON text."""
     robot = calibration.cell.robot
-    links = calibration.theta[6:-6].reshape(-1, 5)
+    links = robot.link_values(calibration.theta)
     joints = tuple(
         replace(joint, **dict(zip(LINK_NAMES, map(float, link), strict=True)))  # type: ignore[arg-type]
         for joint, link in zip(robot.joints, links, strict=True)
     )
+    amounts = robot.error_amounts(calibration.theta)
     entry = {
         "touchcal": version("touchcal"),
         "inputs": dict(calibration.inputs),
         "base": pose_entry(calibration.theta[:6]),
         "tool": pose_entry(calibration.theta[-6:]),
-        "robot": robot_entry(replace(robot, joints=joints)),
+        "robot": robot_entry(replace(robot, joints=joints, error_values=tuple(amounts.tolist()))),
     }
     return {".json": json.dumps(entry, indent=1) + "\n"}, ()
 

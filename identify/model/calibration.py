@@ -102,7 +102,7 @@ class _Strict(BaseModel):
 
 class _Parameter(_Strict):
     name: str
-    unit: Literal["mm", "deg", "1"]
+    unit: str
     nominal: float
     value: float
     sigma: float
@@ -139,7 +139,8 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
 def calibration_entry(c: Calibration) -> dict[str, Any]:
     """What calibration.json holds, in file units."""
     unit = c.cell.robot.parameter_unit()
-    columns = zip(c.cell.robot.parameters, unit, c.start / unit, c.theta / unit, c.sigma / unit, strict=True)
+    robot = c.cell.robot
+    columns = zip(robot.parameters, robot.units, c.start / unit, c.theta / unit, c.sigma / unit, strict=True)
     scale = unit[c.index]
     return {
         "touchcal": version("touchcal"),
@@ -147,10 +148,10 @@ def calibration_entry(c: Calibration) -> dict[str, Any]:
         "cell": cell_entry(c.cell),
         "parameters": [
             {
-                "name": name, "unit": "mm" if factor == 1 else "deg", "nominal": float(nominal), "value": float(value),
+                "name": name, "unit": unit_name, "nominal": float(nominal), "value": float(value),
                 "sigma": float(sigma), "status": c.status(name), "combination": dict(c.combinations.get(name, {})),
             }
-            for name, factor, nominal, value, sigma in columns
+            for name, unit_name, nominal, value, sigma in columns
         ],
         "covariance": (c.covariance / np.outer(scale, scale)).tolist(),
         "scatter": c.scatter,

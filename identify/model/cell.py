@@ -50,6 +50,7 @@ class Priors:
     base: tuple[float, float] = (10.0, 2 * DEG)  # [mm], [rad]
     tool: tuple[float, float] = (10.0, 2 * DEG)
     link: tuple[float, float] = (3.0, 1 * DEG)
+    errors: Mapping[str, float] = field(default_factory=dict)  # file units, by keys of SIZES; those not here are usual
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,19 @@ class Cell:
         """Sizes that make parameters of different units comparable [mm] or [rad]: the priors, always finite."""
         group = {"base": self.priors.base, "tool": self.priors.tool}
         names = zip(self.robot.parameters, self.robot.angular, strict=True)
-        return np.array([group.get(name.split(".")[0], self.priors.link)[angular] for name, angular in names])
+        scale = np.array([group.get(name.split(".")[0], self.priors.link)[angular] for name, angular in names])
+        scale[6 + 5 * len(self.robot.joints) : -6] = self._error_scale
+        return scale
+
+    @property
+    def _error_scale(self) -> list[float]:
+        """Sizes of the error parameters, in inside units."""
+        if not self.robot.errors:
+            return []
+        from identify.model.errors import SIZES
+
+        sizes = [(key, SIZES[key]) for _, key, _ in self.robot.error_parameters]
+        return [self.priors.errors.get(key, size.usual) * size.inside for key, size in sizes]
 
     @cached_property
     def kinematics(self) -> Kinematics:

@@ -3,11 +3,12 @@
 Every check looks at the entries that can be read, also in a file that has other mistakes, so that all come at once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
+from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.files import Mistake, nearest
 from identify.model.robot import Robot
 from identify.model.schema import (
@@ -107,6 +108,26 @@ def _parameters(document: Document, robot: Robot) -> list[Mistake]:
     ]
 
 
+def error_mistakes(document: Document) -> list[Mistake]:
+    """Error models, and sizes of them, that do not exist."""
+    wrong = [
+        document.wrong(f"errors: no error model '{name}'{_known(name, ERROR_MODELS)}", "errors", i)
+        for i, name in enumerate(document.items("errors"))
+        if isinstance(name, str) and name not in ERROR_MODELS
+    ]
+    priors = document.get("priors")
+    sizes = priors.get("errors") if isinstance(priors, dict) else None
+    return wrong + [
+        document.wrong(f"priors: no size '{key}' of an error{_known(key, SIZES)}", "priors", "errors", key)
+        for key in (sizes if isinstance(sizes, dict) else ())
+        if isinstance(key, str) and key not in SIZES
+    ]
+
+
+def _known(name: str, known: Iterable[str]) -> str:
+    return f"{nearest(name, known)}; there are {', '.join(known)}"
+
+
 def robot_mistakes(document: Document) -> list[Mistake]:
     """What is wrong in robot.yaml beyond its form."""
     joints = entries(document, "joints", JointEntry)
@@ -128,7 +149,17 @@ def robot_mistakes(document: Document) -> list[Mistake]:
     longest = max((max(abs(entry.a_mm), abs(entry.d_mm)) for _, entry in joints), default=0.0)
     if 0 < longest < SHORT:
         wrong.append(document.wrong(f"no link is longer than {longest:g} mm: {METRES}", "joints"))
-    return wrong
+    return wrong + error_mistakes(document)
+
+
+def error_value_mistakes(document: Document, robot: Robot) -> list[Mistake]:
+    """Values of error parameters that the robot does not have."""
+    values, names = document.get("error_values"), [name for name, _, _ in robot.error_parameters]
+    return [
+        document.wrong(f"error_values: no error parameter '{name}'{_known(str(name), names)}", "error_values", name)
+        for name in (values if isinstance(values, dict) else ())
+        if name not in names
+    ]
 
 
 def _joint(document: Document, i: int, entry: JointEntry) -> list[Mistake]:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from identify.model.cell import Cell
-from identify.model.checks import cell_mistakes, jig_mistakes, robot_mistakes
-from identify.model.entries import cell_of, jig_of, robot_of
+from identify.model.checks import cell_mistakes, error_mistakes, error_value_mistakes, jig_mistakes, robot_mistakes
+from identify.model.entries import cell_of, equipped, jig_of, robot_of
 from identify.model.files import InputError, Mistake, digest, nearest
 from identify.model.jig import Jig
 from identify.model.robot import Robot
@@ -33,6 +33,9 @@ def read_cell(path: Path) -> Cell:
         robot = _robot(document, sources)
     with _collecting(mistakes):
         jig = _jig(document, sources)
+    mistakes += error_mistakes(document)
+    if robot is not None and file is not None and not mistakes:
+        robot = equipped(file, robot)
     mistakes += cell_mistakes(document, robot)
     if mistakes or file is None or robot is None:
         raise InputError(mistakes)
@@ -46,7 +49,10 @@ def read_robot(path: Path) -> Robot:
     mistakes += robot_mistakes(document)
     if mistakes or file is None:
         raise InputError(mistakes)
-    return robot_of(file)
+    robot = robot_of(file)
+    if mistakes := error_value_mistakes(document, robot):
+        raise InputError(mistakes)
+    return robot
 
 
 def read_jig(path: Path) -> Jig:

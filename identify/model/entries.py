@@ -1,5 +1,6 @@
 """Between what files hold, in millimetres and degrees, and what it describes; both ways."""
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -36,7 +37,7 @@ def joint_of(number: int, entry: schema.JointEntry) -> Joint:
     speed = (entry.speed_mm_s or 500.0) if slides else (entry.speed_deg_s or 90.0) * DEG
     return Joint(
         entry.name or f"j{number}", slides, entry.theta_deg * DEG, entry.d_mm, entry.a_mm, entry.alpha_deg * DEG,
-        entry.beta_deg * DEG, limits[0] * unit, limits[1] * unit, speed,
+        entry.beta_deg * DEG, limits[0] * unit, limits[1] * unit, speed, entry.mass_kg, entry.centre_mm,
     )  # fmt: skip
 
 
@@ -44,12 +45,40 @@ def robot_of(file: schema.RobotFile) -> Robot:
     """A robot from its file."""
     capsules = tuple(Capsule(c.link, c.start_mm, c.end_mm, c.radius_mm) for c in file.capsules)
     joints = tuple(joint_of(i + 1, entry) for i, entry in enumerate(file.joints))
-    ends = (transform(np.asarray(pose_of(entry))) for entry in (file.base_to_first, file.last_to_flange))
-    return Robot(file.name, joints, file.source, capsules, *ends)
+    first, flange = (transform(np.asarray(pose_of(entry))) for entry in (file.base_to_first, file.last_to_flange))
+    robot = Robot(
+        file.name, joints, file.source, capsules, first, flange, errors=tuple(file.errors), up=file.up,
+        payload=_payload(file.payload), temperature=file.temperature_c,
+    )  # fmt: skip
+    unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
+    values = tuple(file.error_values.get(name, 0.0) * unit[name] for name, _, _ in robot.error_parameters)
+    return replace(robot, error_values=values)
+
+
+def _payload(entry: schema.PayloadEntry | None) -> tuple[float, tuple[float, float, float]] | None:
+    return None if entry is None else (entry.mass_kg, entry.centre_mm)
+
+
+def _payload_entry(robot: Robot) -> dict[str, Any] | None:
+    return None if robot.payload is None else {"mass_kg": robot.payload[0], "centre_mm": robot.payload[1]}
+
+
+def equipped(file: schema.CellFile, robot: Robot) -> Robot:
+    """The robot with what the cell says of its errors, its mounting, its load and its temperature."""
+    return replace(
+        robot,
+        errors=robot.errors if file.errors is None else tuple(file.errors),
+        error_values=robot.error_values if file.errors is None else (),
+        up=robot.up if file.up is None else file.up,
+        payload=robot.payload if file.payload is None else _payload(file.payload),
+        temperature=robot.temperature if file.temperature_c is None else file.temperature_c,
+    )
 
 
 def robot_entry(robot: Robot) -> dict[str, Any]:
     """The inverse of `robot_of`."""
+    unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
+    names = [name for name, _, _ in robot.error_parameters]
     return {
         "name": robot.name,
         "source": robot.source,
@@ -59,6 +88,11 @@ def robot_entry(robot: Robot) -> dict[str, Any]:
         ],
         "base_to_first": pose_entry(pose(robot.base_T_first)),
         "last_to_flange": pose_entry(pose(robot.last_T_flange)),
+        "errors": list(robot.errors),
+        "error_values": {name: value / unit[name] for name, value in zip(names, robot.error_values, strict=False)},
+        "up": robot.up,
+        "payload": _payload_entry(robot),
+        "temperature_c": robot.temperature,
     }
 
 
@@ -68,6 +102,7 @@ def _joint_entry(joint: Joint) -> dict[str, Any]:
         "name": joint.name, "type": "prismatic" if joint.prismatic else "revolute", "theta_deg": joint.theta / DEG,
         "d_mm": joint.d, "a_mm": joint.a, "alpha_deg": joint.alpha / DEG, "beta_deg": joint.beta / DEG,
         f"limits_{unit}": [joint.lower / factor, joint.upper / factor], f"speed_{unit}_s": joint.speed / factor,
+        "mass_kg": joint.mass, "centre_mm": joint.centre,
     }  # fmt: skip
 
 
@@ -96,6 +131,7 @@ def jig_entry(jig: Jig) -> dict[str, Any]:
 
 def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[str, str]) -> Cell:
     """A cell from its file, and the robot and the jig that the file names."""
+    robot = equipped(file, robot)
     unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
     touch, priors, zone = file.touch, file.priors, file.zone
     return Cell(
@@ -105,7 +141,7 @@ def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[
                             touch.max_tilt_deg * DEG),
         zone=None if zone is None else Zone(np.array(zone.box_mm), zone.max_tilt_deg * DEG),
         priors=Priors((priors.base_mm, priors.base_deg * DEG), (priors.tool_mm, priors.tool_deg * DEG),
-                      (priors.length_mm, priors.angle_deg * DEG)),
+                      (priors.length_mm, priors.angle_deg * DEG), priors.errors),
         controller=Controller(file.controller.port, file.controller.protocol, file.controller.baud),
         fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
         sources=sources,
@@ -130,6 +166,7 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
         "priors": {
             "base_mm": priors.base[0], "base_deg": priors.base[1] / DEG, "tool_mm": priors.tool[0],
             "tool_deg": priors.tool[1] / DEG, "length_mm": priors.link[0], "angle_deg": priors.link[1] / DEG,
+            "errors": dict(priors.errors),
         },
         "controller": {
             "port": cell.controller.port, "protocol": cell.controller.protocol, "baud": cell.controller.baud,

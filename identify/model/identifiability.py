@@ -1,7 +1,7 @@
 """Which parameters touches can tell apart: structural elimination, rank at given touches, weak directions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -34,32 +34,40 @@ def preference(robot: Robot) -> Int[np.ndarray, " parameters"]:
 
     The base and the tip come first: they are the set-up's own and the least known. Then joint offsets, twists and
     lengths, from the last joint to the first, so that of two parallel axes the outer d stays; beta, which only parallel
-    axes need, and the tool's orientation, which no tip position shows, come last.
+    axes need, then what is beyond geometry, so that nothing is called an error that geometry explains; the tool's
+    orientation, which no tip position shows, comes last.
     """
     base, tip, orientation = (
         [f"{frame}.{axis}" for axis in axes]
         for frame, axes in (("base", POSE_NAMES), ("tool", POSE_NAMES[:3]), ("tool", POSE_NAMES[3:]))
     )
     links = [f"{joint.name}.{name}" for name in ORDER for joint in reversed(robot.joints)]
-    order = [*base, *tip, *links, *orientation]
+    beyond = [name for name, _, _ in robot.error_parameters]
+    order = [*base, *tip, *links, *beyond, *orientation]
     return np.array([robot.parameters.index(name) for name in order])
 
 
 def structure(
-    cell: Cell, theta: Float[np.ndarray, " parameters"] | None = None, still: Mapping[int, float] | None = None
+    cell: Cell,
+    theta: Float[np.ndarray, " parameters"] | None = None,
+    still: Mapping[int, float] | None = None,
+    made: Float[np.ndarray, "rows conditions"] | None = None,
 ) -> Identifiability:
     """Eliminate the parameters whose tip-position columns vanish or depend on others for every configuration.
 
     `theta` is where the columns are taken, the nominal parameters if not given. Joints in `still` keep their value
-    [rad] or [mm]; all others move between their limits. Columns are scaled by the cell's priors and taken in the order
-    of `preference`; one that those before it explain is eliminated. The wire's end is left out: it shows the tool's
-    tilt with a lever of its radius, half a millimetre, which is no ground to estimate it.
+    [rad] or [mm]; all others move between their limits. `made` are the conditions under which touches were made; if
+    not given, every joint may come from both sides and the temperature changes. Columns are scaled by the cell's priors
+    and taken in the order of `preference`; one that those before it explain is eliminated. The wire's end is left out:
+    it shows the tool's tilt with a lever of its radius, half a millimetre, which is no ground to estimate it.
     """
     robot = cell.robot
-    q = np.random.default_rng(1).uniform(robot.lower, robot.upper, (POSES, len(robot.joints)))
+    rng = np.random.default_rng(1)
+    q = rng.uniform(robot.lower, robot.upper, (POSES, len(robot.joints)))
     for joint, value in (still or {}).items():
         q[:, joint] = value
-    _, J = measurement_model(robot).linearize(cell.theta if theta is None else theta, tip_rows(q))
+    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(made, len(robot.joints), rng), 3, axis=0))
+    _, J = measurement_model(robot).linearize(cell.theta if theta is None else theta, poses)
     free = [i for i in preference(robot) if robot.parameters[i] not in cell.fixed]
     kept, combinations = independent(J * cell.scale, free)
     names = robot.parameters
@@ -71,6 +79,15 @@ def structure(
             for i, terms in sorted(combinations.items())
         },
     )
+
+
+def _conditions(
+    made: Float[np.ndarray, "rows conditions"] | None, joints: int, rng: np.random.Generator
+) -> Float[np.ndarray, "poses conditions"]:
+    """Conditions of the generic poses: drawn from those that there were, or directions and a span of 10 K."""
+    if made is not None and len(made):
+        return made[rng.integers(len(made), size=POSES)]
+    return np.column_stack([rng.choice([-1.0, 1.0], (POSES, joints)), rng.uniform(-5, 5, POSES)])
 
 
 def _clean(coefficient: float) -> float:

@@ -5,6 +5,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from identify.model.errors import Deflected, deflected
 from identify.model.mapped import Mapped, compiled
 from identify.model.robot import Robot
 
@@ -40,22 +41,30 @@ def _link(robot: Robot, i: int, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> c
     return _rz(turn, ca.vertcat(a, 0, slide) @ w + _rx(alpha, _ry(beta, M)))
 
 
-def base_T_link(robot: Robot, link: int, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX:
-    """Columns of M carried from the frame of a link to the base by A_1 ... A_link (equations 3 and 4)."""
-    for i in reversed(range(link)):
-        M = _link(robot, i, q, theta, M, w)
-    return _constant(robot.base_T_first, M, w)
+def _stand(robot: Robot, true: Deflected, M: ca.SX, w: ca.SX) -> ca.SX:
+    """Columns of M carried from before the first joint to the base, which gives way where it has a tilt."""
+    M = _constant(robot.base_T_first, M, w)
+    return M if true.tilt is None else _rz(true.tilt[2], _ry(true.tilt[1], _rx(true.tilt[0], M)))
 
 
-def jig_T_tip(robot: Robot, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX) -> ca.SX:
+def base_T_flange(robot: Robot, true: Deflected, M: ca.SX, w: ca.SX) -> ca.SX:
+    """Columns of M carried from the flange to the base by A_1 ... A_N (equations 3 and 4)."""
+    M = _constant(robot.last_T_flange, M, w)
+    for i in reversed(range(len(robot.joints))):
+        M = _link(robot, i, true.q, true.theta, M, w)
+    return _stand(robot, true, M, w)
+
+
+def jig_T_tip(robot: Robot, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX, made: ca.SX | None = None) -> ca.SX:
     """Columns of M carried from the tip to the jig frame (equation 1); w is 1 above a point, 0 above a direction.
+
+    `made` are the conditions of a touch, for error models that depend on them.
 
     Points and directions travel through the chain as columns, from the tip back: half the operations of a product
     of matrices, and derivatives in reverse cost as little.
     """
-    joints = len(robot.joints)
-    M = _constant(robot.last_T_flange, _frame(theta[6 + 5 * joints :], M, w), w)
-    return _frame(theta[:6], base_T_link(robot, joints, q, theta, M, w), w)
+    true = deflected(robot, q, theta, made)
+    return _frame(theta[:6], base_T_flange(robot, true, _frame(theta[-6:], M, w), w), w)
 
 
 def jig_T_tip_and_twists(robot: Robot, q: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -64,16 +73,27 @@ def jig_T_tip_and_twists(robot: Robot, q: ca.SX, theta: ca.SX) -> tuple[ca.SX, c
     On the way from the tip back to the jig every joint sees the tip from its own frame, where its axis is z: the
     geometric Jacobian (Whitney 1972) costs nine operations a joint.
     """
-    joints = len(robot.joints)
     w = ca.SX([[0, 0, 0, 1]])
-    M = _constant(robot.last_T_flange, _frame(theta[6 + 5 * joints :], ca.SX.eye(4)[:3, :], w), w)
+    true = deflected(robot, q, theta)
+    M = _constant(robot.last_T_flange, _frame(theta[-6:], ca.SX.eye(4)[:3, :], w), w)
     twists = []
-    for i in reversed(range(joints)):
-        M = _link(robot, i, q, theta, M, w)
+    for i in reversed(range(len(robot.joints))):
+        M = _link(robot, i, true.q, true.theta, M, w)
         R, p = M[:, :3], M[:, 3]
         turning = ca.vertcat(p[0] * R[1, :].T - p[1] * R[0, :].T, R[2, :].T)
         twists.append(ca.vertcat(R[2, :].T, ca.SX(3, 1)) if robot.prismatic[i] else turning)
-    return _frame(theta[:6], _constant(robot.base_T_first, M, w), w), ca.horzcat(*reversed(twists))
+    J = ca.horzcat(*reversed(twists))
+    if robot.errors:
+        J = J @ ca.jacobian(true.q, q) + _tilting(true, q, _constant(robot.base_T_first, M, w))
+    return _frame(theta[:6], _stand(robot, true, M, w), w), J
+
+
+def _tilting(true: Deflected, q: ca.SX, base_T_tip: ca.SX) -> ca.SX:
+    """What the tilt of the base, a small angle, adds to the twists of the tip."""
+    if true.tilt is None:
+        return ca.SX(6, q.shape[0])
+    R, p, spin = base_T_tip[:, :3], base_T_tip[:, 3], ca.jacobian(true.tilt, q)
+    return ca.vertcat(R.T @ -ca.skew(p) @ spin, R.T @ spin)
 
 
 def symbols(robot: Robot) -> tuple[ca.SX, ca.SX]:
@@ -121,19 +141,18 @@ class Kinematics:
     @cached_property
     def flange(self) -> Mapped:
         """flange:(q[N],theta[P])->(position[3],rotation[3x3]), in the base frame, as a pendant shows."""
-        M, w = ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]])
-        T = base_T_link(
-            self.robot, len(self.robot.joints), self.q, self.theta, _constant(self.robot.last_T_flange, M, w), w
-        )
+        true = deflected(self.robot, self.q, self.theta)
+        T = base_T_flange(self.robot, true, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]))
         return self._compiled("flange", {"position": T[:, 3], "rotation": T[:, :3]})
 
     @cached_property
     def links(self) -> Mapped:
         """links:(q[N],theta[P])->(T0[3x4], ..., TN[3x4]): frames 0 (base) to N of the links, in the jig frame."""
         M, w = ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]])
-        T = _frame(self.theta[:6], _constant(self.robot.base_T_first, M, w), w)
+        true = deflected(self.robot, self.q, self.theta)
+        T = _frame(self.theta[:6], _stand(self.robot, true, M, w), w)
         outputs = {"T0": T}
         for i in range(len(self.robot.joints)):
-            T = T[:, :3] @ _link(self.robot, i, self.q, self.theta, M, w) + T[:, 3] @ w
+            T = T[:, :3] @ _link(self.robot, i, true.q, true.theta, M, w) + T[:, 3] @ w
             outputs[f"T{i + 1}"] = T
         return self._compiled("links", outputs)

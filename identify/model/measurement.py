@@ -9,10 +9,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Wire
+from identify.model.errors import CONDITIONAL, conditions
 from identify.model.kinematics import AXIS, ONE, POINT, ZERO, jig_T_tip, symbols
 from identify.model.mapped import Mapped, compiled
 from identify.model.robot import Robot
 from identify.model.touch import Positions, Touches
+
+STILL = 1e-4  # [rad] or [mm] that a joint may move on the way to a touch without a direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +29,7 @@ class Rows:
     sigma: Float[np.ndarray, " rows"]  # [mm]
     ids: tuple[str, ...]  # of the touches and positions
     owner: Int[np.ndarray, " rows"]  # index into `ids`
+    conditions: Float[np.ndarray, "rows conditions"] | None = None  # for error models; None: nothing was recorded
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -34,7 +38,7 @@ class Rows:
         """Some of the rows; ids and owners keep their meaning."""
         return Rows(
             self.q[index], self.normal[index], self.offset[index], self.radius[index], self.sigma[index],
-            self.ids, self.owner[index],
+            self.ids, self.owner[index], None if self.conditions is None else self.conditions[index],
         )  # fmt: skip
 
     def distances(self, residual: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " measured"]:
@@ -43,8 +47,8 @@ class Rows:
         return np.sqrt(np.bincount(place, residual**2))
 
 
-def rows(wire: Wire, measured: Sequence[Touches | Positions]) -> Rows:
-    """The equations of touches and positions, in their order."""
+def rows(wire: Wire, measured: Sequence[Touches | Positions], reference: float = 20.0) -> Rows:
+    """The equations of touches and positions, in their order; `reference` [degC] is the temperature of the robot."""
     parts = [_touch_rows(wire, t) if isinstance(t, Touches) else _position_rows(t) for t in measured]
     first = np.cumsum([0, *(len(table) for table in measured)])
     return Rows(
@@ -55,7 +59,17 @@ def rows(wire: Wire, measured: Sequence[Touches | Positions]) -> Rows:
         sigma=np.concatenate([part.sigma for part in parts]),
         ids=tuple(name for table in measured for name in table.ids),
         owner=np.concatenate([part.owner + start for part, start in zip(parts, first[:-1], strict=True)]),
+        conditions=np.concatenate([_conditions(table, reference) for table in measured]),
     )
+
+
+def _conditions(measured: Touches | Positions, reference: float) -> Float[np.ndarray, "rows conditions"]:
+    """Direction of every joint into a touch, and temperature above the reference; 0 where nothing was recorded."""
+    if isinstance(measured, Positions):
+        return np.zeros((3 * len(measured), measured.q.shape[1] + 1))
+    step = np.zeros_like(measured.q) if measured.approach is None else measured.q - measured.approach
+    direction = np.where(np.abs(step) > STILL, np.sign(step), 0.0)
+    return np.column_stack([direction, np.nan_to_num(measured.temperature - reference)])
 
 
 def _touch_rows(wire: Wire, touches: Touches) -> Rows:
@@ -86,17 +100,22 @@ class MeasurementModel:
         self._q, self._theta = symbols(robot)
         self._normal, self._offset = ca.SX.sym("normal", 3), ca.SX.sym("offset")
         self._radius = ca.SX.sym("radius")
+        self._made = conditions(robot) if set(robot.errors) & CONDITIONAL else None
+
+    def _tip(self, M: ca.SX, w: ca.SX) -> ca.SX:
+        return jig_T_tip(self.robot, self._q, self._theta, M, w, self._made)
 
     def _residual(self, flat: bool) -> ca.SX:
-        r = ca.dot(self._normal, jig_T_tip(self.robot, self._q, self._theta, POINT, ONE)) - self._offset
+        r = ca.dot(self._normal, self._tip(POINT, ONE)) - self._offset
         if flat:
-            lean = ca.dot(self._normal, jig_T_tip(self.robot, self._q, self._theta, AXIS, ZERO))
+            lean = ca.dot(self._normal, self._tip(AXIS, ZERO))
             r -= self._radius * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))  # its slope is infinite where the wire is upright
         return r
 
     def _compiled(self, flat: bool) -> Mapped:
         r = self._residual(flat)
         inputs = {"q": self._q, "theta": self._theta, "normal": self._normal, "offset": self._offset}
+        inputs |= {} if self._made is None else {"conditions": self._made}
         return compiled(
             "residual",
             inputs | ({"radius": self._radius} if flat else {}),
@@ -121,6 +140,9 @@ class MeasurementModel:
     ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows parameters"]]:
         """Residuals [mm] and their Jacobian by all parameters [mm/mm] and [mm/rad]."""
         columns = [rows.q, theta, rows.normal, rows.offset[:, None]]
+        if self._made is not None:
+            unknown = np.zeros((len(rows), len(self.robot.joints) + 1))
+            columns.append(unknown if rows.conditions is None else rows.conditions)
         r, J = self._flat(*columns, rows.radius[:, None]) if rows.radius.any() else self._pointed(*columns)
         return r, J
 

@@ -24,6 +24,8 @@ class Joint:
     lower: float  # [rad] or [mm]
     upper: float  # [rad] or [mm]
     speed: float  # [rad/s] or [mm/s]
+    mass: float = 0.0  # [kg], of the link behind the joint
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [mm], of that mass, in the frame of the link
 
     @property
     def link(self) -> tuple[float, float, float, float, float]:
@@ -53,20 +55,61 @@ class Robot:
         default_factory=lambda: np.eye(4)
     )  # a URDF's base link, before joint 1
     last_T_flange: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))  # behind the last joint's frame
+    errors: tuple[str, ...] = ()  # rows of ERROR_MODELS that this robot has
+    error_values: tuple[float, ...] = ()  # inside units; empty: all zero, which is a robot without errors
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)  # against gravity, in the base frame
+    payload: tuple[float, tuple[float, float, float]] | None = None  # [kg] and its centre [mm] in the flange frame
+    temperature: float = 20.0  # [degC] for which the dimensions are
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
-        """Names of all 12 + 5 N parameters in the order base, joints, tool."""
+        """Names of all parameters in the order base, five a joint, error models, tool."""
         return (
             *(f"base.{name}" for name in POSE_NAMES),
             *(f"{joint.name}.{name}" for joint in self.joints for name in LINK_NAMES),
+            *(name for name, _, _ in self.error_parameters),
             *(f"tool.{name}" for name in POSE_NAMES),
         )
 
     @cached_property
+    def error_parameters(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, key of its size, and model of every error parameter."""
+        if not self.errors:
+            return ()
+        from identify.model.errors import parameters  # CasADi, which a robot without error models need not load
+
+        return parameters(self)
+
+    @property
+    def weighed(self) -> bool:
+        """Whether the masses of the links are known."""
+        return any(joint.mass > 0 for joint in self.joints)
+
+    @cached_property
     def angular(self) -> tuple[bool, ...]:
-        """Whether each parameter is an angle; the others are lengths."""
-        return tuple(name.split(".")[1] in {"theta", "alpha", "beta", "rz", "ry", "rx"} for name in self.parameters)
+        """Whether each parameter is an angle."""
+        return tuple(unit == "deg" for unit in self.units)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """The unit of each parameter in files and on screens."""
+        return tuple(unit for unit, _ in self._units)
+
+    @cached_property
+    def _units(self) -> tuple[tuple[str, float], ...]:
+        """File unit of each parameter, and the factor from there to the inside."""
+        angles, lengths = ("deg", np.pi / 180), ("mm", 1.0)
+        pose = (lengths,) * 3 + (angles,) * 3
+        link = (angles, lengths, lengths, angles, angles)
+        return (*pose, *(link * len(self.joints)), *self._error_units, *pose)
+
+    @cached_property
+    def _error_units(self) -> tuple[tuple[str, float], ...]:
+        if not self.errors:
+            return ()
+        from identify.model.errors import SIZES
+
+        return tuple((SIZES[size].unit, SIZES[size].inside) for _, size, _ in self.error_parameters)
 
     @cached_property
     def prismatic(self) -> tuple[bool, ...]:
@@ -95,12 +138,21 @@ class Robot:
 
     def theta(self, base: Float[np.ndarray, " 6"], tool: Float[np.ndarray, " 6"]) -> Float[np.ndarray, " parameters"]:
         """The parameter vector of this robot standing at `base` and carrying `tool` [mm, rad]."""
-        return np.concatenate([base, self.links, tool])
+        errors = np.array(self.error_values) if self.error_values else np.zeros(len(self.error_parameters))
+        return np.concatenate([base, self.links, errors, tool])
+
+    def link_values(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "joints 5"]:
+        """The link parameters among all, one row a joint [rad] or [mm]."""
+        return theta[6 : 6 + 5 * len(self.joints)].reshape(-1, 5)
+
+    def error_amounts(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " errors"]:
+        """The error parameters among all, in inside units."""
+        return theta[6 + 5 * len(self.joints) : -6]
 
     def joint_unit(self) -> Float[np.ndarray, " joints"]:
         """Factors from file units (deg or mm) to the inside (rad or mm), one a joint."""
         return np.where(self.prismatic, 1.0, np.pi / 180)
 
     def parameter_unit(self) -> Float[np.ndarray, " parameters"]:
-        """Factors from file units (deg or mm) to the inside (rad or mm), one a parameter."""
-        return np.where(self.angular, np.pi / 180, 1.0)
+        """Factors from file units (deg, mm, ...) to the inside (rad, mm, ...), one a parameter."""
+        return np.array([factor for _, factor in self._units])

@@ -50,6 +50,15 @@ class JointEntry(Strict):
     limits_mm: tuple[Number, Number] | None = None
     speed_deg_s: Positive | None = None
     speed_mm_s: Positive | None = None
+    mass_kg: Annotated[Number, Field(ge=0)] = 0.0
+    centre_mm: Vector = (0.0, 0.0, 0.0)
+
+
+class PayloadEntry(Strict):
+    """What the flange carries: its mass, and where its centre is in the flange frame."""
+
+    mass_kg: Positive
+    centre_mm: Vector = (0.0, 0.0, 0.0)
 
 
 class CapsuleEntry(Strict):
@@ -70,6 +79,11 @@ class RobotFile(Strict):
     capsules: list[CapsuleEntry] = []
     base_to_first: PoseEntry = PoseEntry()
     last_to_flange: PoseEntry = PoseEntry()
+    errors: list[str] = []
+    error_values: dict[str, Number] = {}
+    up: Vector = (0.0, 0.0, 1.0)
+    payload: PayloadEntry | None = None
+    temperature_c: Number = 20.0
 
 
 class FaceEntry(Strict):
@@ -131,6 +145,7 @@ class PriorsEntry(Strict):
     tool_deg: Positive = 2.0
     length_mm: Positive = 3.0
     angle_deg: Positive = 1.0
+    errors: dict[str, Positive] = {}
 
 
 class ControllerEntry(Strict):
@@ -168,6 +183,10 @@ class CellFile(Strict):
     jig: str | None = None
     base: Frame
     tool: Frame
+    errors: list[str] | None = None  # this and the next three stand here where the robot file is not the user's own
+    up: Vector | None = None
+    payload: PayloadEntry | None = None
+    temperature_c: Number | None = None
     wire: WireEntry = WireEntry()
     touch: TouchEntry = TouchEntry()
     zone: ZoneEntry | None = None

@@ -33,6 +33,7 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_ACOS: np.arccos,
     ca.OP_ATAN: np.arctan,
     ca.OP_ATAN2: np.arctan2,
+    ca.OP_TANH: np.tanh,
     ca.OP_EXP: np.exp,
     ca.OP_LOG: np.log,
     ca.OP_POW: np.power,

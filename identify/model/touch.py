@@ -25,7 +25,8 @@ class Table:
         """The rows of an integer or boolean index, in its order."""
         rows = np.arange(len(self))[index]
         columns = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
-        picked = {k: c[rows] if isinstance(c, np.ndarray) else tuple(c[i] for i in rows) for k, c in columns.items()}
+        given = {k: c for k, c in columns.items() if c is not None}
+        picked = {k: c[rows] if isinstance(c, np.ndarray) else tuple(c[i] for i in rows) for k, c in given.items()}
         return replace(self, **picked)  # type: ignore[type-var]
 
 
@@ -43,6 +44,7 @@ class Touches(Table):
     temperature: Float[np.ndarray, " touches"]  # [degC], NaN where not read
     time: tuple[str, ...]
     note: tuple[str, ...]
+    approach: Float[np.ndarray, "touches joints"] | None = None  # [rad] or [mm] where the search began
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,7 +128,7 @@ def _parameters(c: Calibration) -> str:
         value, start = c.theta[i] / unit[i], c.start[i] / unit[i]
         known = status == "estimated"
         rows.append([
-            f"{name} [{'deg' if c.cell.robot.angular[i] else 'mm'}]", f"{start:.3f}", f"{value:.3f}" if known else "",
+            f"{name} [{c.cell.robot.units[i]}]", f"{start:.3f}", f"{value:.3f}" if known else "",
             f"{value - start:+.3f}" if known else "", f"{sigma:.3f}" if known else "", words,
         ])  # fmt: skip
     return table(["parameter", "start", "identified", "change", "+- (95 %)", ""], rows, (5,))

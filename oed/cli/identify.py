@@ -125,6 +125,6 @@ def _parameters(c: Calibration) -> list[str]:
     lines = [f"{'parameter':16}{'start':>12}{'identified':>12}{'change':>10}{'+- (95 %)':>11}"]
     for i in c.index:
         start, value, sigma = c.start[i] / unit[i], c.theta[i] / unit[i], c.sigma[i] / unit[i]
-        name = f"{c.cell.robot.parameters[i]} {'deg' if c.cell.robot.angular[i] else 'mm'}"
+        name = f"{c.cell.robot.parameters[i]} {c.cell.robot.units[i]}"
         lines.append(f"{name:16}{start:12.3f}{value:12.3f}{value - start:10.3f}{1.96 * sigma:11.3f}")
     return lines
