@@ -49,7 +49,7 @@ def test_the_page_is_one_file_below_a_megabyte_that_fetches_nothing(html):
 def test_every_chart_has_titles_and_units(html):
     figures = re.findall(r"<figure.*?</figure>", html, flags=re.S)
 
-    assert len(figures) == 8  # three slices and their scale, residuals twice, singular values, correlations
+    assert len(figures) == 9  # three slices and their scale, residuals twice, singular values, correlations, ladder
     assert all("<figcaption>" in f and "aria-label" in f for f in figures)
     assert "residual, mm" in html
     assert "expected tip error (RMS), mm" in html

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cells import cell_of
 from scipy.stats import chi
 
 from identify.model.cell import Zone
@@ -78,3 +79,12 @@ def test_a_direction_that_is_known_exactly_adds_no_error():
     found = promise(np.eye(3)[None], np.diag([0.01, 0.0, 0.0]))
 
     assert found.rms_mm == pytest.approx(0.1)
+
+
+def test_a_robot_of_four_joints_has_its_zone_too():
+    scara = cell_of("scara")
+
+    poses = zone_poses(scara, poses=50)
+
+    assert len(poses) == 50
+    assert in_zone(scara, poses).all()

@@ -16,19 +16,26 @@ STEP = 1e-6  # of the scale of a parameter, for differences
 WEAK = 1e-6  # singular values below this part of the largest are not moved along: nearly parallel axes stay put
 
 
+Levers = Sequence[tuple[float, float, float]]
+
+
 def fitted(
-    calibration: Calibration, free: Sequence[str], start: Float[np.ndarray, " parameters"]
-) -> Float[np.ndarray, " parameters"]:
-    """Parameters whose tips come nearest to the identified ones, only the free ones moved from a start."""
+    calibration: Calibration, free: Sequence[str], start: Float[np.ndarray, " parameters"],
+    q: Float[np.ndarray, "poses joints"] | None = None, levers: Levers = LEVERS,
+) -> Float[np.ndarray, " parameters"]:  # fmt: skip
+    """Parameters whose tips come nearest to the identified ones, only the free ones moved from a start.
+
+    Compared are points at `levers` from the tip, at poses `q`; those of `sample` if not given.
+    """
     names = calibration.cell.robot.parameters
     index = [names.index(name) for name in free]
-    q, scale = sample(calibration), calibration.cell.scale[index]
-    wanted, theta = _points(calibration, q, calibration.theta[None]), start.copy()
+    q, scale = sample(calibration) if q is None else q, calibration.cell.scale[index]
+    wanted, theta = _points(calibration, q, calibration.theta[None], levers), start.copy()
     for _ in range(ROUNDS):
         steps = np.zeros((2 * len(index) + 1, len(theta)))
         steps[np.arange(len(index)), index] = STEP * scale
         steps[len(index) + np.arange(len(index)), index] = -STEP * scale
-        tips = _points(calibration, q, theta + steps)
+        tips = _points(calibration, q, theta + steps, levers)
         J = (tips[: len(index)] - tips[len(index) : -1]).T / (2 * STEP)
         move = np.linalg.lstsq(J, (wanted - tips[-1:])[0], rcond=WEAK)[0]
         theta[index] += move * scale
@@ -54,12 +61,13 @@ def independent(calibration: Calibration, names: Sequence[str]) -> list[str]:
 
 
 def _points(
-    calibration: Calibration, q: Float[np.ndarray, "poses joints"], thetas: Float[np.ndarray, "models parameters"]
-) -> Float[np.ndarray, "models points"]:
-    """The tip and two points beside it, of several models at all poses, one row a model."""
+    calibration: Calibration, q: Float[np.ndarray, "poses joints"], thetas: Float[np.ndarray, "models parameters"],
+    levers: Levers = LEVERS,
+) -> Float[np.ndarray, "models points"]:  # fmt: skip
+    """The tip and points beside it, of several models at all poses, one row a model."""
     tip = calibration.cell.kinematics.tip
     p, R = tip(np.tile(q, (len(thetas), 1)), np.repeat(thetas, len(q), axis=0))
-    points = [p + R @ np.array(lever) for lever in LEVERS]
+    points = [p + R @ np.array(lever) for lever in levers]
     return np.stack(points, axis=1).reshape(len(thetas), -1)
 
 

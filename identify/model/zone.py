@@ -31,7 +31,7 @@ def zone_poses(
     """Joint values of poses spread over the weld zone [rad] or [mm], the same ones each time if no `rng` is given.
 
     Tip uniform in the box, torch axis uniform in the cone around straight down, any turn about it, any branch of the
-    inverse kinematics. Raises InputError where the robot reaches none of them.
+    inverse kinematics; a robot of less than six joints stands in its own way. Raises InputError where it reaches none.
     """
     rng = np.random.default_rng(20) if rng is None else rng
     zone, robot = zone_of(cell), cell.robot
@@ -42,8 +42,12 @@ def zone_poses(
         position = rng.uniform(zone.box[:, 0], zone.box[:, 1], (m, 3))
         axis = cone(np.tile([0.0, 0.0, -1.0], (m, 1)), zone.max_tilt, rng.random((m, 2)))
         start = rng.uniform(robot.lower, robot.upper, (m, len(robot.joints)))
-        result = reach(cell.kinematics, theta, position, frames(axis, 2 * np.pi * rng.random(m)), start)
-        found = np.concatenate([found, result.q[result.reached()]])
+        result = reach(
+            cell.kinematics, theta, position, frames(axis, 2 * np.pi * rng.random(m)), start,
+            free_roll=len(robot.joints) == 5, free_orientation=len(robot.joints) < 5,
+        )  # fmt: skip
+        good = result.q[result.reached()]
+        found = np.concatenate([found, good[in_zone(cell, good, theta)]])
         if len(found) >= poses:
             return found[:poses]
     if len(found):

@@ -5,11 +5,13 @@ from html import escape
 
 import numpy as np
 
+from identify.ladder import ladder
 from identify.model.calibration import Calibration, Errors, summarize
 from identify.model.touch import Positions, Touches
 from identify.report import charts
 from identify.report.page import page, table, view
 from identify.report.scene import scene
+from identify.report.ways import ways
 from identify.report.zone import ZoneMap, zone_map
 from identify.verification import Verification
 
@@ -32,7 +34,7 @@ def report(c: Calibration, measured: Sequence[Touches | Positions] = (), verifie
         f'<div class="row">{charts.residuals_by_face(c, faces)}{charts.residuals_in_time(c)}</div>', _outliers(c),
         "<h2>Parameters</h2>", _parameters(c),
         f'<div class="row">{charts.singular_values(c)}{charts.correlations(c)}</div>',
-        "<h2>How to apply it</h2>", APPLY,
+        "<h2>How to apply it</h2>", APPLY, ways(ladder(c)), SCALE,
         "<h2>Where it comes from</h2>", table(["file", "SHA-256"], hashes),
     ]  # fmt: skip
     return page(f"Calibration of {c.cell.robot.name}", "\n".join(sections), shown)
@@ -44,8 +46,8 @@ APPLY = """<p>The identified robot differs from the controller's in every link. 
 ones first:</p>
 <ul><li>let the off-line programming system use the calibrated model, and correct its targets through it;</li>
 <li>correct finished programs point by point;</li>
-<li>enter joint zeros and tool into the controller: the easiest, and it leaves the errors of the links.</li></ul>
-<p>Accuracy is relative to the jig, whose certificate sets the scale. The torch's orientation is not
+<li>enter joint zeros and tool into the controller: the easiest, and it leaves the errors of the links.</li></ul>"""
+SCALE = """<p>Accuracy is relative to the jig, whose certificate sets the scale. The torch's orientation is not
 verified by touches.</p>"""
 
 

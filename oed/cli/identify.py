@@ -7,8 +7,19 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from identify.calibration import calibrate
+from identify.ladder import ladder
 from identify.model.calibration import Calibration, summarize, write_calibration
-from oed.cli.options import CellFile, Json, Seed, TrustUnits, errors_table, load_cell, print_json, read_measured
+from oed.cli.options import (
+    CellFile,
+    Json,
+    Seed,
+    TrustUnits,
+    errors_table,
+    ladder_lines,
+    load_cell,
+    print_json,
+    read_measured,
+)
 
 
 def identify(
@@ -70,6 +81,7 @@ def summary(c: Calibration) -> dict[str, Any]:
         "scatter": c.scatter,
         "fit": asdict(c.fit),
         "held_out": None if c.held_out is None else asdict(c.held_out),
+        "ladder": {rung.way: asdict(rung.errors) for rung in ladder(c)},
         "iterations": c.iterations,
         "solve_s": c.solve_s,
     }
@@ -92,6 +104,8 @@ def story(c: Calibration, output: Path) -> str:
         *_listed("eliminated", [_carried(name, terms) for name, terms in c.combinations.items()]),
         "",
         *_parameters(c),
+        "",
+        *ladder_lines(c),
         "",
         f"wrote {output}; an accuracy comes from touches not used here: touchcal verify {output} FILE",
     ]

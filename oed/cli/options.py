@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from identify.model.calibration import Errors
+from identify.model.calibration import Calibration, Errors
 from identify.model.cell import Cell
 from identify.model.description import read_cell
 from identify.model.files import InputError, digest
@@ -72,6 +72,15 @@ def errors_table(rows: Mapping[str, Errors | None]) -> str:
         numbers = "" if e is None else f"{e.n:6d}{e.mean_mm:9.3f}{e.rms_mm:9.3f}{e.p95_mm:9.3f}{e.max_mm:9.3f}"
         lines.append(f"{name:32}{numbers}" if e else f"{name:32}{'none could be spared':>26}")
     return "\n".join(lines)
+
+
+def ladder_lines(calibration: Calibration) -> list[str]:
+    """What each way of applying a calibration is predicted to give; no lines where there is no zone to predict for."""
+    from identify.ladder import ladder
+
+    rungs = ladder(calibration)
+    table = errors_table({rung.way: rung.errors for rung in rungs})
+    return ["predicted tip error in the zone, by what the controller gets:", table] if rungs else []
 
 
 @contextmanager

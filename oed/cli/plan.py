@@ -27,7 +27,7 @@ def plan(
 ) -> None:
     """Choose the touches that tell the most about the robot.
 
-    Writes plan.csv, and beside it a .json file of the same name that says what the plan promises. Examples:
+    Writes plan.csv, and beside it a .json file of the same name that says what the plan promises. Example:
 
         touchcal plan -n 50 -o plan.csv
 

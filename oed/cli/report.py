@@ -10,7 +10,7 @@ from identify.model.calibration import Calibration, calibration_entry, read_cali
 from identify.model.files import digest, write_text
 from identify.report.report import report as make
 from identify.verification import verify
-from oed.cli.options import read_measured
+from oed.cli.options import ladder_lines, read_measured
 
 
 def report(
@@ -42,6 +42,8 @@ def report(
     verified = verify(found, *read_measured(unseen, found.cell, trust_units=False)[0]) if unseen else None
     write_text(output, make(found, measured, verified))
     write_text(output.with_suffix(".json"), dumps(calibration_entry(found), indent=1) + "\n")
+    if lines := ladder_lines(found):
+        print("\n".join([*lines, ""]))
     print(f"wrote {output}; open it in a browser, it needs no network")
 
 
