@@ -61,7 +61,7 @@ class Execution:
         self.motion = Motion(controller, session, settings, tell, clock)
         self.predictor = Predictor(session.cell)
         self._by_id = {target.id: target for target in self.targets}
-        self._start, self._made, self._missed = clock.now(), 0, 0
+        self._start, self._made, self._missed = clock.robot(), 0, 0
 
     def all(self) -> Finished:
         """Everything, from the first look at the controller to the last touch."""
@@ -69,14 +69,20 @@ class Execution:
             self.predictor.learn(hit.reading.q, self._of(hit.id).face)
         self.tell(Started(len(self.targets), self._done(), self.controller.name))
         self._begin()
-        for target in self.targets:
-            if target.id not in self.session.results:
-                self._count(self._touch(target, target.id))
-                self._look_for_drift()
+        while (target := self._next()) is not None:
+            self._count(self._touch(target, target.id))
+            self._look_for_drift()
         hits = sum(self.session.results[name].status == HIT for name in self._by_id)
-        finished = Finished(hits, len(self.targets), self.clock.now() - self._start)
+        finished = Finished(hits, len(self.targets), self.clock.robot() - self._start)
         self.tell(finished)
         return finished
+
+    def _next(self) -> Target | None:
+        """The next touch of the plan; another one first where the robot stands elsewhere, and the jig is in its way."""
+        rest = [target for target in self.targets if target.id not in self.session.results]
+        if not rest or not self.motion.in_the_way(rest[0]):
+            return rest[0] if rest else None
+        return next((target for target in rest if not self.motion.in_the_way(target, margin=CLEAR)), rest[0])
 
     def _begin(self) -> None:
         """See that the controller is ready, and bring a broken run to its end."""
@@ -156,7 +162,7 @@ class Execution:
         if status == HIT:
             self.predictor.learn(found.reading.q, target.face)
         self._made += 1
-        left = (len(self.targets) - self._done()) * (self.clock.now() - self._start) / self._made
+        left = (len(self.targets) - self._done()) * (self.clock.robot() - self._start) / self._made
         judged = surprise or Surprise(np.nan, np.nan, np.nan)
         self.tell(
             Touched(

@@ -124,12 +124,19 @@ class Motion:
             raise TouchError("the robot did not get back to its last approach; move it there by hand, then --resume")
         self._await_open()
 
+    def in_the_way(self, target: Target, margin: float = 0.0) -> bool:
+        """Whether the jig, grown by a margin [mm], lies between here and the approach of a touch."""
+        return self.geometry.inside(self.here, target.approach, margin)
+
     def _lean(self, origin: Joints | None, intent: Intent) -> None:
-        """The wire caught on its way back: only towards where that began is open; half of it frees the wire."""
+        """The wire caught on its way back: only towards where that began is open, until the wire is free."""
         if origin is None:
             return
+        nudge = 2 * self.settings.arrived / self.geometry.span(self.here, origin)
+        share = 0.5 if self._state().contact else min(nudge, 0.5)
+        q = self.here + share * (origin - self.here)
         try:
-            self._move((self.here + origin) / 2, intent.id, "retract", intent.back, self.geometry.search_speed)
+            self._move(q, intent.id, "retract", intent.back, self.geometry.search_speed)
         except Refused as refusal:
             self.tell(Waiting(str(refusal)))
 
@@ -180,7 +187,7 @@ class Motion:
 
     def _approach(self, target: Target, name: str) -> None:
         if self._apart(self.here, target.approach):
-            if self.geometry.inside(self.here, target.approach):
+            if self.in_the_way(target):
                 raise TouchError(
                     f"the way to touch '{name}' leads through the jig from where the robot stands; "
                     "jog it above the jig, then go on with --resume --trust-position"

@@ -27,7 +27,7 @@ def rehearse(
     robot is then back where that move began, or stands still.
     """
     clock = clock or Clock()
-    began = clock.now()
+    began = clock.robot()
     targets = validate(plan, cell, settings, controller.joints)
     geometry = Geometry(cell, settings)
     here = _ready(controller)
@@ -47,7 +47,7 @@ def rehearse(
             if refusal.code == "EARLY":
                 controller.move(here, geometry.move_rate(q, here, settings.retract_speed))
             raise TouchError(f"on the way to touch '{target.id}': {refusal}") from None
-    finished = Finished(0, len(targets), clock.now() - began)
+    finished = Finished(0, len(targets), clock.robot() - began)
     tell(finished)
     return finished
 

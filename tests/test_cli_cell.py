@@ -83,7 +83,7 @@ def test_check_says_that_an_empty_pendant_tells_too_little(tmp_path, touchcal):
 
 
 def test_the_embedded_virtual_robot_makes_touches(project, touchcal):
-    code, out, err = touchcal("run", "plan.csv", "--time-scale", "20", "--json")
+    code, out, err = touchcal("run", "plan.csv", "--json")
 
     assert code == 0, err
     assert json.loads(out)["hits"] == 3
@@ -92,7 +92,7 @@ def test_the_embedded_virtual_robot_makes_touches(project, touchcal):
 
 
 def test_a_dry_run_touches_nothing(project, touchcal):
-    code, out, err = touchcal("run", "plan.csv", "--time-scale", "20", "--dry-run")
+    code, out, err = touchcal("run", "plan.csv", "--dry-run")
 
     assert code == 0, err
     assert "3 approaches visited" in out
@@ -136,7 +136,9 @@ def test_touches_go_through_a_port_that_another_process_serves(project, touchcal
 
 @pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 def test_ctrl_c_stops_the_robot_and_leaves_a_session_to_resume(project, touchcal):
-    with subprocess.Popen([*COMMAND, "run", "plan.csv"], stderr=subprocess.PIPE, text=True, cwd=project) as running:
+    with subprocess.Popen(
+        [*COMMAND, "run", "plan.csv", "--time-scale", "1"], stderr=subprocess.PIPE, text=True, cwd=project
+    ) as running:
         for line in running.stderr:
             if line.startswith("[1/3]"):
                 break
@@ -146,7 +148,7 @@ def test_ctrl_c_stops_the_robot_and_leaves_a_session_to_resume(project, touchcal
 
     assert running.returncode == 130
     assert "--resume" in rest
-    code, out, err = touchcal("run", "plan.csv", "--resume", "--time-scale", "20", "--json")
+    code, out, err = touchcal("run", "plan.csv", "--resume", "--json")
     assert code == 0, err
     assert json.loads(out)["hits"] == 3
 

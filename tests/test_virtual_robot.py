@@ -7,10 +7,12 @@ import pytest
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
+from identify.model.inverse import reach
 from identify.model.touch import Plan
 from probe.virtual.batch import search_end, touch_batch
 from probe.virtual.contact import Paths, first_contact, touching
 from probe.virtual.motion import straight
+from probe.virtual.parked import parked
 from probe.virtual.robot import VirtualRobot
 from probe.virtual.surfaces import surfaces
 from probe.virtual.truth import Truth, with_effects
@@ -136,7 +138,7 @@ def test_a_stop_brakes_on_the_line_and_a_contact_while_braking_is_still_latched(
     robot = robot_at(arc_welder, exact, plan)
     end = search_end(arc_welder, plan)[0]
     robot.begin("SEARCH", end, np.radians(20))
-    contact = robot._motion.profile.time(robot._motion.trip.fraction)
+    contact = robot._motion.profile.time(robot._motion.trip.closed[0].enter)
 
     robot.advance(contact - 0.001)
     robot.stop("STOPPED")
@@ -167,6 +169,47 @@ def test_a_motion_takes_its_way_at_its_rate_and_never_goes_back(arc_welder, plan
     assert speed.max() <= np.radians(rate) * (1 + 1e-6)
     assert profile.end - 2.0 >= np.abs(end - start).max() / np.radians(rate)
     assert [profile.time(f) for f in fraction[1:-1:100]] == pytest.approx(times[1:-1:100])
+
+
+def test_the_contact_reads_what_the_jig_says_wherever_a_robot_is_driven_that_does_not_look(arc_welder, exact, rng):
+    corner, surface = np.array([350.0, 250.0, 80.0]), surfaces(arc_welder.jig, arc_welder.wire)
+    kinematics, none = arc_welder.kinematics, np.zeros(1)
+    seen = set()
+    for _ in range(12):
+        ends = corner + rng.uniform(-8, 8, (2, 3)) + np.array([[30.0, -30, 0], [-30, 30, 0]])
+        start, end = posed(arc_welder, ends)
+        robot = VirtualRobot(arc_welder, exact, rng, start=start)
+        robot.begin("MOVE", end, SLOW, watch=False)
+
+        for time in np.linspace(0, robot.due, 40)[:-1]:
+            robot.advance(time)
+            here = Paths(robot.q[None], robot.q[None], arc_welder.theta)
+            expected = bool(touching(kinematics, surface, here, none, none)[0])
+            assert robot.contact == expected
+            seen.add(expected)
+        robot.advance(1e9)
+        assert not robot.contact
+
+    assert seen == {True, False}
+
+
+def posed(cell: Cell, tips: np.ndarray) -> np.ndarray:
+    """Joint values for tips beside the jig, the torch straight down."""
+    down = np.tile(np.diag([1.0, -1.0, -1.0]), (len(tips), 1, 1))
+    start = np.tile(parked(cell), (len(tips), 1))
+    found = reach(cell.kinematics, cell.theta, tips, down, start, free_roll=True)
+    assert found.reached().all()
+    return found.q
+
+
+def test_nobody_having_moved_it_the_robot_stands_in_the_air_above_the_jig(arc_welder, exact, rng):
+    robot = VirtualRobot(arc_welder, exact, rng)
+
+    above = tip(arc_welder, robot.q)
+    assert above[2] > 300
+    assert (above[:2] > 50).all()
+    assert (above[:2] < [350, 250]).all()
+    assert not robot.contact
 
 
 def test_backlash_leaves_the_arm_behind_the_encoders_by_half_the_play_on_each_side(arc_welder, exact, plan):

@@ -16,13 +16,10 @@ from oed.campaign import campaign as make
 from oed.cli.live import Screen
 from oed.cli.options import CellFile, Json, Seed, load_cell, print_json, progress
 from oed.cli.project import Folder, over_port, standing
+from oed.cli.sim import SIM, simulated
 from probe import Settings
 from probe.clock import Clock
 from probe.lock import Lock
-
-SIM = "sim"
-HURRY = 30.0  # times faster than real time runs a virtual cell of our own
-PATIENCE = 100.0  # [s] of that cell for its input to clear: a busy computer is not a stuck wire
 
 
 def campaign(
@@ -65,20 +62,17 @@ def campaign(
     """
     described = load_cell(cell)
     where, spoken = port or described.controller.port, protocol or described.controller.protocol
-    clock = Clock(HURRY if where == SIM else 1.0)
-    settings = (
-        Settings(trust_position=True, stuck=PATIENCE) if where == SIM else Settings(trust_position=trust_position)
-    )
+    settings = Settings(trust_position=trust_position or where == SIM)
     screen = Screen(silent=True)
     with only_one(output):
         folder = Folder(output, described, {cell.name: digest(cell)} | dict(described.sources))
         touch = over_port(
             output,
             described,
-            lambda job: _port(where, spoken, described, truth, clock.scale, output, job),
+            lambda job: _port(where, spoken, described, truth, output, job),
             spoken,
             settings,
-            clock,
+            Clock(),
             screen.tell,
             baud=described.controller.baud,
         )
@@ -96,23 +90,14 @@ def campaign(
 
 
 @contextmanager
-def _port(
-    where: str, protocol: str, cell: Cell, truth: str | None, speed: float, folder: Path, job: Job
-) -> Iterator[str]:
+def _port(where: str, protocol: str, cell: Cell, truth: str | None, folder: Path, job: Job) -> Iterator[str]:
     """The port to open; for `sim`, that of a virtual cell that was jogged to the first approach."""
     if where != SIM:
         yield where
         return
-    from probe.virtual.command import choose_truth
-    from probe.virtual.server import serve
-    from probe.virtual.truth import LIBRARY, truths
-
-    if protocol not in ("line", "grbl"):
-        raise InputError(f"port sim speaks line or grbl, not {protocol}; name the port of the {protocol} controller")
-    known = f"{LIBRARY}{cell.robot.name}" if cell.robot.name in truths() else None
-    hidden = choose_truth(cell, truth or known, 0)
-    with serve(cell, hidden, protocol=protocol, speed=speed, start=standing(folder, cell, job)) as served:
-        yield served.url
+    at = standing(folder, cell, job)
+    with simulated(cell, protocol, truth, np.inf, at) as (url, _):
+        yield url
 
 
 def _last(folder: Path, number: int) -> Any:

@@ -19,12 +19,12 @@ from identify.model.files import InputError, Mistake, digest, read_text, write_t
 from identify.model.tables import plan_text, read_plan, read_touches
 from identify.model.touch import HIT, Plan, Touches
 from oed.campaign import Job, joined
+from oed.cli import sim
 from oed.cli.plan import write_summary
 from probe import Session, Settings, open_controller, run
 from probe.clock import Clock
 from probe.controller import TouchError
 from probe.events import Listener, ignore
-from probe.journal import read_records
 
 
 class Folder:
@@ -133,8 +133,5 @@ def over_port(
 
 
 def standing(folder: Path, cell: Cell, job: Job) -> Float[np.ndarray, " joints"]:
-    """Where a virtual robot stands: where an interrupted stage could go back to, else jogged to the first approach."""
-    journal = folder / f"touches-{job.number}.journal"
-    records = read_records(journal)[0] if journal.exists() else []
-    back = [record["back"] for record in records if record["kind"] == "intent"]
-    return np.array(back[-1]) * cell.robot.joint_unit() if back else job.plan.approach[0]
+    """Where a virtual robot stands when a stage begins, or goes on."""
+    return sim.standing(folder / f"touches-{job.number}.journal", cell, job.plan)

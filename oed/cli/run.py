@@ -6,20 +6,22 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.tables import read_plan
+from identify.model.touch import Plan
 from oed.cli.live import Screen
 from oed.cli.options import CellFile, Json, load_cell, print_json
+from oed.cli.sim import SIM, simulated, standing
 from probe import Session, Settings, open_controller, rehearse, retreat
 from probe import run as make_touches
 from probe.clock import Clock
 from probe.events import Finished
 from probe.preflight import validate
-
-SIM = "sim"
+from probe.session import journal_path
 
 
 def run(
@@ -41,7 +43,7 @@ def run(
     note: str = "",
     transcript: Path | None = None,
     truth: str | None = None,
-    time_scale: float = 1.0,
+    time_scale: float | None = None,
     json: Json = False,
 ) -> int:
     """Make the touches of a plan, and append them to touches.csv.
@@ -88,25 +90,27 @@ def run(
         With port sim: what the virtual robot truly is, a file or library:arc-welder; drawn from the priors where the
         library knows none of that name.
     time_scale
-        With a virtual cell: how many times faster than real time it runs.
+        With a virtual cell: how many times faster than real time it runs. Port sim is as fast as it can be without it;
+        a cell of touchcal virtual wants the number that it was given there, if that is not inf.
     """
     described = load_cell(cell)
     planned = read_plan(plan, described)
     if not 0 < override <= 1:
         raise InputError(f"--override is {override:g}, expected more than 0 and at most 1")
-    if time_scale <= 0:
+    if time_scale is not None and not time_scale > 0:
         raise InputError(f"--time-scale is {time_scale:g}, expected a number above 0")
-    where, clock = port or described.controller.port, Clock(time_scale)
+    where = port or described.controller.port
     settings = Settings(
         override=override, fast_speed=fast_speed, again_every=again_every, temperature=temperature, note=note,
         trust_position=trust_position or where == SIM,
     )  # fmt: skip
     validate(planned, described, settings, len(described.robot.joints))  # before anything is opened or written
-    line: dict[str, Any] = {"baud": baud or described.controller.baud, "clock": clock, "transcript": transcript}
+    line: dict[str, Any] = {"baud": baud or described.controller.baud, "transcript": transcript}
     spoken = protocol or described.controller.protocol
     screen = Screen(silent=json)
-    with _port(where, spoken, described, truth, time_scale) as url:
-        controller = open_controller(url, spoken, described.robot, **line | ({"home": True} if home else {}))
+    with _port(where, spoken, described, planned, truth, time_scale, journal_path(output)) as (url, clock):
+        line |= {"clock": clock} | ({"home": True} if home else {})
+        controller = open_controller(url, spoken, described.robot, **line)
         with closing(controller):
             if dry_run:
                 with screen:
@@ -147,17 +151,12 @@ def _tell(finished: Finished, output: Path, dry_run: bool, json: bool) -> None:
 
 
 @contextmanager
-def _port(where: str, protocol: str, cell: Cell, truth: str | None, speed: float) -> Iterator[str]:
-    """The port to open; for `sim`, that of a virtual cell that lives as long as the run."""
+def _port(
+    where: str, protocol: str, cell: Cell, plan: Plan, truth: str | None, speed: float | None, journal: Path
+) -> Iterator[tuple[str, Clock]]:
+    """The port to open, and the time that passes there; for `sim`, those of a virtual cell of our own."""
     if where != SIM:
-        yield where
+        yield where, Clock(1.0 if speed is None or np.isinf(speed) else speed)
         return
-    from probe.virtual.command import choose_truth
-    from probe.virtual.server import serve
-    from probe.virtual.truth import LIBRARY, truths
-
-    if protocol not in ("line", "grbl"):
-        raise InputError(f"port sim speaks line or grbl, not {protocol}; name the port of the {protocol} controller")
-    known = f"{LIBRARY}{cell.robot.name}" if cell.robot.name in truths() else None
-    with serve(cell, choose_truth(cell, truth or known, 0), protocol=protocol, speed=speed) as served:
-        yield served.url
+    with simulated(cell, protocol, truth, speed or np.inf, standing(journal, cell, plan)) as served:
+        yield served

@@ -16,18 +16,26 @@ from probe.virtual.truth import Truth
 NEVER = float("inf")
 LONG_AGO = float("-inf")
 MOST = 4096  # intervals of the longest path
+CONTACTS = 4  # that are looked for on one path
 CLEAR = 0.01  # [mm] beyond the place where a contact opens, from where on the next contact is looked for
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A stretch of a path over which the contact is closed, in fractions of the path."""
+
+    enter: float  # -inf: it is closed where the path begins
+    leave: float  # inf: to the end and beyond
+    surface: str = ""  # what is met
 
 
 @dataclass(frozen=True, eq=False)
 class Trip:
-    """One path of the arm, and where on it the contact opens and closes."""
+    """One path of the arm, and where on it the contact is closed."""
 
     paths: Paths
     off: Float[np.ndarray, " joints"]  # noise of the joints, part of `paths`
-    fraction: float  # at which the contact closes; inf: never
-    surface: str  # what is met there
-    opening: float | None  # fraction up to which the contact is closed from the start; None: it begins open
+    closed: tuple[Closed, ...]  # in their order
 
     def arm(self, fraction: float) -> Float[np.ndarray, " joints"]:
         """True joints at a fraction."""
@@ -36,11 +44,18 @@ class Trip:
     def state(self, profile: Profile, time: float) -> tuple[bool, float]:
         """Whether the contact is closed at a time, and since when [s]."""
         behind = profile.at(time)[0]
-        if behind >= self.fraction:
-            return True, profile.time(self.fraction)
-        if self.opening is None:
-            return False, LONG_AGO
-        return (True, LONG_AGO) if behind < self.opening else (False, profile.time(self.opening))
+        edges = [edge for stretch in self.closed for edge in (stretch.enter, stretch.leave) if edge <= behind]
+        since = profile.time(edges[-1]) if edges and edges[-1] > LONG_AGO else LONG_AGO
+        return len(edges) % 2 == 1, since
+
+    def contact(self, profile: Profile, settled: float = 0.0) -> Closed | None:
+        """The first contact that closes on the way, after the input was open for `settled` [s] if it was closed."""
+        opened = LONG_AGO
+        for stretch in self.closed:
+            if stretch.enter > LONG_AGO and profile.time(stretch.enter) > opened + settled:
+                return stretch
+            opened = profile.time(stretch.leave)
+        return None
 
 
 class Arm:
@@ -77,19 +92,23 @@ class Arm:
         """The path of the arm when the encoders go straight from `start` to `end`."""
         if not self.closed:
             self._draw()
-        paths = self._paths(start, end)
-        opening = self._opening(paths, start, end) if self.closed else None
-        begin = 0.0 if opening is None else opening
-        if opening is not None:
-            begin += CLEAR / max(self._length(start, end), CLEAR)
-        if begin >= 1:
-            return Trip(paths, self.off, NEVER, "", opening)
-        rest = replace(paths, start=paths.start + begin * (paths.end - paths.start))
-        count = int(np.clip(np.ceil((1 - begin) * self._length(start, end) / INTERVAL), 1, MOST))
-        fraction, met, _ = first_contact(self.kinematics, self.surface, rest, np.array([self.shift]), count)
-        name = self.surface.names[met[0]] if fraction[0] <= 1 else ""
-        closing = begin + (1 - begin) * float(fraction[0]) if name else NEVER
-        return Trip(paths, self.off, closing, name, opening)
+        paths, length = self._paths(start, end), self._length(start, end)
+        closed = [Closed(LONG_AGO, self._opening(paths, start, end))] if self.closed else []
+        step = CLEAR / max(length, CLEAR)
+        at = closed[0].leave + step if closed else 0.0
+        while at < 1 and len(closed) < CONTACTS:
+            rest = _rest(paths, at)
+            count = int(np.clip(np.ceil((1 - at) * length / INTERVAL), 1, MOST))
+            fraction, met, _ = first_contact(self.kinematics, self.surface, rest, np.array([self.shift]), count)
+            enter = at + (1 - at) * float(fraction[0])
+            if fraction[0] > 1 or enter + step >= 1:
+                closed += [Closed(enter, NEVER, self.surface.names[met[0]])] if fraction[0] <= 1 else []
+                break
+            at = enter + step
+            leave = at + (1 - at) * self._solid_opening(_rest(paths, at))
+            closed.append(Closed(enter, leave, self.surface.names[met[0]]))
+            at = leave + step
+        return Trip(paths, self.off, tuple(closed))
 
     def _length(self, start: np.ndarray, end: np.ndarray) -> float:
         """A bound on the way of the tip [mm]."""
@@ -133,11 +152,15 @@ class Arm:
 
     def obstruct(self, trip: Trip, fraction: float) -> Trip:
         """Something conducting stands at a fraction of a path, until a motion has ended clear of it."""
-        start, end = trip.paths.start[0] - trip.off, trip.paths.end[0] - trip.off
-        if fraction >= trip.fraction:
+        if any(LONG_AGO < stretch.enter <= fraction for stretch in trip.closed):
             return trip
+        start, end = trip.paths.start[0] - trip.off, trip.paths.end[0] - trip.off
         self._obstacle = start + fraction * (end - start), end - start
-        return replace(trip, fraction=fraction, surface="")
+        began = [stretch for stretch in trip.closed if stretch.enter == LONG_AGO]
+        for stretch in began:
+            if stretch.leave >= fraction:
+                return replace(trip, closed=(Closed(LONG_AGO, NEVER),))
+        return replace(trip, closed=(*began, Closed(fraction, NEVER)))
 
     def rest(self, trip: Trip, profile: Profile, time: float) -> None:
         """The motion has ended."""
@@ -149,3 +172,8 @@ class Arm:
     def count(self) -> None:
         """One contact more: the wire may be cut or fed after it."""
         self.contacts += 1
+
+
+def _rest(paths: Paths, fraction: float) -> Paths:
+    """What is left of one path from a fraction on."""
+    return replace(paths, start=paths.start + fraction * (paths.end - paths.start))

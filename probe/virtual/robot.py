@@ -13,6 +13,7 @@ from jaxtyping import Float
 from identify.model.cell import Cell
 from probe.virtual.arm import Arm, Trip
 from probe.virtual.motion import Profile, straight
+from probe.virtual.parked import parked
 from probe.virtual.records import CONTACT, MOVE, NEVER, NOCONTACT, OK, SEARCH, Executed, Health, Outcome, Truly
 from probe.virtual.truth import Truth
 
@@ -39,7 +40,7 @@ class _Motion:
 
 @dataclass
 class VirtualRobot:
-    """A robot before a jig; `start` is where it stands, zeros (within the limits) where not given."""
+    """A robot before a jig; `start` is where it stands, jogged above the jig where not given."""
 
     cell: Cell
     truth: Truth
@@ -52,7 +53,7 @@ class VirtualRobot:
 
     def __post_init__(self) -> None:
         robot = self.cell.robot
-        at = np.zeros(len(robot.joints)) if self.start is None else np.asarray(self.start, dtype=float)
+        at = parked(self.cell) if self.start is None else np.asarray(self.start, dtype=float)
         if at.shape != (len(robot.joints),) or not np.isfinite(at).all():
             raise ValueError(f"the robot stands at {at.tolist()}, expected {len(robot.joints)} finite joint values")
         self._q = np.clip(at, robot.lower, robot.upper)
@@ -162,10 +163,8 @@ class VirtualRobot:
         if not motion.watch or self.health.open or (motion.kind == MOVE and self.health.stuck):
             motion.tripped = NEVER
             return
-        time = motion.profile.time(motion.trip.fraction)
-        if motion.kind == MOVE and motion.trip.opening is not None:
-            opened = motion.profile.time(motion.trip.opening)
-            time = time if time > opened + SETTLED else NEVER
+        met = motion.trip.contact(motion.profile, SETTLED if motion.kind == MOVE else 0.0)
+        time = NEVER if met is None else motion.profile.time(met.enter)
         began = motion.profile.pieces[0].start  # on a servo step, as commands are
         steps = np.ceil((time + effects.relay_delay - began) / effects.servo - 1e-9) if np.isfinite(time) else NEVER
         motion.tripped = max(began + float(steps * effects.servo), time)
@@ -207,10 +206,12 @@ class VirtualRobot:
         """The controller sees the contact: a search latches, a move ends EARLY, both brake."""
         seen, motion.tripped = motion.tripped, NEVER
         if motion.kind == SEARCH:
-            fraction, latch = motion.trip.fraction, motion.at(seen)
+            met = motion.trip.contact(motion.profile)
+            assert met is not None, "a search trips at a contact"
+            fraction, latch = met.enter, motion.at(seen)
             q = motion.start + fraction * (motion.target - motion.start)
             truth = Truly(
-                motion.profile.time(fraction), seen, motion.trip.surface, q - self._zero, motion.trip.arm(fraction),
+                motion.profile.time(fraction), seen, met.surface, q - self._zero, motion.trip.arm(fraction),
                 latch - self._zero, self.arm.theta, self.arm.shift,
             )  # fmt: skip
             self.touches.append(truth)
