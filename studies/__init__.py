@@ -1,1 +1,9 @@
-"""Questions, each answered by one script."""
+"""Questions, each answered by one script: what it asks, how, and what came out, with numbers."""
+
+from pathlib import Path
+
+STUDIES = ("observability",)
+"""Every study is a module of this package: its docstring is question, setup and answer; `tasks`, `run`, `answer` and
+`pictures` make it (`studies.engine.Study`)."""
+
+PICTURES = Path(__file__).parent / "pictures"

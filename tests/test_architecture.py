@@ -38,8 +38,9 @@ def complaint(module, target):
         inward = within(module, "identify.model") and not within(target, "identify.model")
         return "identify.model is the vocabulary and knows nothing of what uses it" if inward else ""
     if room == "oed":
-        free = within(target, "identify.model") or (is_command_line(module) and within(target, "identify", "probe"))
-        return "" if free else "only oed.campaign and oed.cli know identify and probe"
+        known = ("identify", "probe", *(["studies"] if module == "oed.cli.study" else []))
+        free = within(target, "identify.model") or (is_command_line(module) and within(target, *known))
+        return "" if free else "only oed.campaign and oed.cli know identify and probe, oed.cli.study the studies"
     if room == "probe":
         return "" if within(target, "identify.model") else "probe knows nothing of ours but identify.model"
     return "identify imports neither oed nor probe nor studies"
@@ -106,7 +107,7 @@ PLANTED = {
     "touching knows planning": ("probe/session.py", "import oed.criteria as c"),
     "planning knows identification": ("oed/planning.py", "from identify import calibration"),
     "planning knows touching": ("oed/planning.py", "import numpy, probe"),
-    "planning knows studies": ("oed/cli.py", "import studies"),
+    "planning knows studies": ("oed/planning.py", "import studies"),
     "in a function": ("oed/planning.py", "def f():\n    from probe import session"),
     "under a condition": ("oed/planning.py", "if True:\n    import probe.session"),
     "relative": ("identify/model/robot.py", "from ..calibration import calibrate"),
@@ -123,6 +124,7 @@ INNOCENT = {
     "the model by itself": ("identify/model/jig.py", "from identify.model.robot import Robot\nfrom . import robot"),
     "planning sees the model": ("oed/planning.py", "import identify.model.robot\nfrom oed import criteria"),
     "the loop is closed": ("oed/campaign.py", "from probe import session\nfrom identify import calibration"),
+    "the command of studies": ("oed/cli/study.py", "from studies import engine"),
     "the command line": ("oed/cli/plan.py", "def f():\n    from identify import calibrate\n    import probe.session"),
     "studies import anything": ("studies/value.py", "import oed.planning, probe.session, identify"),
     "symbols where they belong": ("oed/refinement.py", "import casadi"),

@@ -21,6 +21,11 @@ class Axis:
     upper: float
     ticks: tuple[float, ...]
     labels: tuple[str, ...] = ()
+    powers: bool = False  # the axis holds logarithms to base 10
+
+    def scaled(self, value: Float[np.ndarray, " values"]) -> Float[np.ndarray, " values"]:
+        """Values as they stand on the axis."""
+        return np.log10(np.maximum(value, 1e-300)) if self.powers else value
 
     def at(self, value: Float[np.ndarray, " values"], start: float, end: float) -> Float[np.ndarray, " values"]:
         """Values as places between two pixels."""
@@ -40,6 +45,19 @@ def axis(title: str, values: Sequence[float] | np.ndarray, *, zero: bool = False
     first, last = np.floor(lower / step + 1e-9), np.ceil(upper / step - 1e-9)
     ticks = step * np.arange(first, last + 1)
     return Axis(title, float(ticks[0]), float(ticks[-1]), tuple(ticks.tolist()), tuple(f"{t:.6g}" for t in ticks + 0.0))
+
+
+def logarithmic(title: str, values: Sequence[float] | np.ndarray) -> Axis:
+    """A logarithmic axis around positive values, with ticks at 1, 2 and 5 where these are few."""
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known) & (known > 0)]
+    low, high = (np.log10(known.min()), np.log10(known.max())) if len(known) else (0.0, 1.0)
+    digits = (1, 2, 5) if high - low < 3 else (1,)
+    ticks = np.log10([d * 10.0**e for e in range(int(np.floor(low)) - 1, int(np.ceil(high)) + 2) for d in digits])
+    first, last = ticks[ticks <= low + 1e-9][-1], ticks[ticks >= high - 1e-9][0]
+    last = last if last > first else ticks[ticks > first][0]
+    shown = ticks[(ticks >= first) & (ticks <= last)]
+    return Axis(title, first, last, tuple(shown.tolist()), tuple(f"{10**t:.4g}" for t in shown), powers=True)
 
 
 def around(axis: Axis, step: float) -> Axis:
@@ -98,6 +116,12 @@ class Chart:
                 f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{size}" fill="{colour}"><title>{escape(hint)}</title></circle>'
             )
 
+    def line(self, x: np.ndarray, y: np.ndarray, colour: str, dashed: bool = False) -> None:
+        """A line through points."""
+        places = " ".join(f"{u:.1f},{v:.1f}" for u, v in zip(self.px(x), self.py(y), strict=True))
+        dash = ' stroke-dasharray="5 3"' if dashed else ""
+        self.parts.append(f'<polyline points="{places}" fill="none" stroke="{colour}" stroke-width="1.6"{dash}/>')
+
     def bars(self, x: np.ndarray, y: np.ndarray, colour: str, hints: Sequence[str]) -> None:
         """Bars from the lower end of the y axis."""
         wide = 0.7 * (self.right - self.left) / (self.x.upper - self.x.lower)
@@ -136,6 +160,21 @@ class Chart:
         picture = f'<svg viewBox="{box}" role="img" aria-label="{title}">{"".join(self.parts)}</svg>'
         narrow = ' class="narrow"' if self.width < 200 else ""
         return f"<figure{narrow}><figcaption>{title}</figcaption>{picture}</figure>"
+
+
+def picture(chart: Chart) -> str:
+    """A chart as an SVG file of its own, with its title above it."""
+    title, high = escape(chart.title), chart.height + 22
+    style = (
+        "text { font: 11px system-ui, sans-serif; fill: #222 } .frame { fill: none; stroke: #888 } "
+        ".grid { stroke: #ddd } .level { stroke: #888; stroke-dasharray: 4 3 } .title { font-size: 12px }"
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {chart.width} {high}" width="{chart.width}" '
+        f'height="{high}" role="img" aria-label="{title}"><style>{style}</style><rect width="100%" height="100%" '
+        f'fill="#fff"/><text class="title" x="{chart.width / 2:.0f}" y="14" text-anchor="middle">{title}</text>'
+        f'<g transform="translate(0 22)">{"".join(chart.parts)}</g></svg>\n'
+    )
 
 
 def colour(share: Float[np.ndarray, " values"]) -> list[str]:

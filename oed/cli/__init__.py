@@ -24,6 +24,7 @@ COMMANDS = {
     "fix": "Corrected copies of robot programs.",
     "export": "The calibrated robot for other tools.",
     "report": "One HTML page of a calibration: verdict, maps, 3-D view, parameters.",
+    "study": "Answer a question with numbers: strategies, peers, the paper, and more.",
 }
 """What each command does, in one line; its module in this package is loaded only when it runs."""
 

@@ -1,0 +1,86 @@
+"""`touchcal study`."""
+
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from identify.model.files import InputError
+from oed.cli.options import Json, Seed, print_json, progress
+
+if TYPE_CHECKING:
+    from studies.engine import Compute
+
+
+def study(
+    name: str,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    small: Annotated[bool, Parameter(negative=())] = False,
+    processes: int = 0,
+    scheduler: str | None = None,
+    tls_ca_file: str | None = None,
+    tls_cert: str | None = None,
+    tls_key: str | None = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Answer a question with numbers: a study computes its table and its pictures again.
+
+    What is finished is kept in the output folder: a study that was interrupted goes on where it was. The table is the
+    same for a seed, on one process, on many, and on a cluster. Examples:
+
+        touchcal study observability --small
+        touchcal study strategies --scheduler tcp://192.168.0.10:8786
+
+    Parameters
+    ----------
+    name
+        strategies, paper, models, observability, touches, jig or peers.
+    output
+        The folder for table, pictures and finished parts; study-NAME if not given.
+    small
+        A few robots only: to see that it works.
+    processes
+        Worker processes on this machine; one a core if not given, 1 computes in this process.
+    scheduler
+        The address of a Dask scheduler whose workers have touchcal installed.
+    tls_ca_file
+        The certificate authority of a cluster with encrypted connections; with tls_cert and tls_key.
+    tls_cert
+        The certificate of this machine.
+    tls_key
+        Its key.
+    """
+    from studies.engine import Study, evaluate, write_results
+
+    asked = Study.named(name)
+    folder = Path(f"study-{name}") if output is None else output
+    with _compute(processes, scheduler, (tls_ca_file, tls_cert, tls_key)) as using, progress(not json) as say:
+        table = evaluate(asked, folder, small=small, seed=seed, using=using, progress=say)
+    files = write_results(asked, table, folder)
+    if json:
+        print_json({"study": name, "rows": len(next(iter(table.values()))), "files": [str(path) for path in files]})
+    else:
+        print(f"{asked.answer(table)}\n\nwrote {', '.join(map(str, files))}")
+
+
+def _compute(
+    processes: int, scheduler: str | None, tls: tuple[str | None, str | None, str | None]
+) -> AbstractContextManager["Compute"]:
+    """Where the tasks are computed; raises InputError for words that do not go together."""
+    import os
+
+    from studies import cluster, engine
+
+    if any(tls) and not (all(tls) and scheduler):
+        raise InputError("--tls-ca-file, --tls-cert and --tls-key go together, and with --scheduler tls://...")
+    if scheduler and processes:
+        raise InputError("--processes is for this machine and --scheduler for a cluster; give one of them")
+    if processes < 0:
+        raise InputError(f"--processes is {processes}, expected 1 or more")
+    if scheduler:
+        return cluster.scheduler(scheduler, cluster.Tls(*tls))
+    count = processes or os.cpu_count() or 1
+    return nullcontext(engine.here) if count == 1 else cluster.local(count)

@@ -1,0 +1,29 @@
+"""What several studies start from, computed once a process."""
+
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.cell import Cell
+from identify.model.description import library, read_cell
+from oed.offer import Offer, offer
+from oed.zone import zone_poses
+
+
+@lru_cache(maxsize=1)
+def arc_welder() -> Cell:
+    """The paper's robot and the stepped jig."""
+    return read_cell(library("cells")["arc-welder"])
+
+
+@lru_cache(maxsize=2)
+def offered(structured: bool) -> Offer:
+    """Touches that the paper's robot can make: structured ones, or only those spread evenly."""
+    return offer(arc_welder(), np.random.default_rng(7), structured=structured)
+
+
+@lru_cache(maxsize=2)
+def zone(poses: int) -> Float[np.ndarray, "poses joints"]:
+    """Poses of the weld zone where errors are measured: others than those that planning looks at."""
+    return zone_poses(arc_welder(), poses=poses, rng=np.random.default_rng(2024))

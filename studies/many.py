@@ -1,0 +1,251 @@
+"""Touches and calibrations of many robots at once: no Python loop over robots, a few hundred microseconds each."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identify.model.cell import Cell
+from identify.model.identifiability import structure
+from identify.model.measurement import Rows, measurement_model
+from identify.model.touch import Plan
+from oed.information import touch_sigma
+from probe.virtual.batch import search_end
+from probe.virtual.contact import INTERVAL, Paths, first_contact
+from probe.virtual.surfaces import surfaces
+
+ITERATIONS = 12  # of Gauss-Newton; 3 to 6 are usual
+STEP = 1e-3  # in posterior standard deviations: smaller steps change nothing
+EXACT = 1e-4  # [mm] from the face
+FARTHEST = 6.0  # approaches beyond which a face is not met any more by aiming again
+REJECT = 4.0  # scatters of a residual beyond which a touch is left out, as the robust fit of one robot does
+
+
+@dataclass(frozen=True, eq=False)
+class ManyTouches:
+    """The touches that many robots made of one plan."""
+
+    q: Float[np.ndarray, "robots touches joints"]  # [rad] or [mm]
+    hit: Bool[np.ndarray, "robots touches"]  # whether the planned face was met
+    normal: Float[np.ndarray, "touches 3"]
+    offset: Float[np.ndarray, " touches"]  # [mm]
+    sigma: Float[np.ndarray, " touches"]  # [mm], repeatability and jig tolerance in quadrature
+
+
+@dataclass(frozen=True, eq=False)
+class ManyCalibrations:
+    """What was identified of many robots."""
+
+    theta: Float[np.ndarray, "robots parameters"]  # [mm, rad]
+    scatter: Float[np.ndarray, " robots"]  # of the residuals, in units of sigma
+    used: Bool[np.ndarray, "robots touches"]
+    converged: Bool[np.ndarray, " robots"]
+
+
+def draw_many(
+    cell: Cell, robots: int, rng: np.random.Generator, scale: float = 1.0
+) -> Float[np.ndarray, "robots parameters"]:
+    """Robots drawn from the cell's priors times `scale` [mm, rad]; what the cell calls fixed keeps its value."""
+    names = cell.robot.parameters
+    spread = np.where(np.isfinite(cell.prior), cell.prior, 0.0)
+    spread[[name in cell.fixed for name in names]] = 0.0
+    return cell.theta + scale * spread * rng.standard_normal((robots, len(names)))
+
+
+def draw_faces(cell: Cell, plan: Plan, robots: int, rng: np.random.Generator) -> Float[np.ndarray, "robots touches"]:
+    """By how much the touched faces of each robot's jig stand proud of their drawing [mm], by their tolerances."""
+    assert cell.jig is not None
+    proud = rng.standard_normal((robots, len(cell.jig.faces))) * [face.tolerance for face in cell.jig.faces]
+    names = [face.name for face in cell.jig.faces]
+    return proud[:, [names.index(name) for name in plan.face]]
+
+
+def touch_many(
+    cell: Cell, theta: Float[np.ndarray, "robots parameters"], plan: Plan, rng: np.random.Generator,
+    *, sigma: float | None = None, proud: Float[np.ndarray, "robots touches"] | None = None,
+) -> ManyTouches:  # fmt: skip
+    """What robots measure that are truly `theta`, when each makes the touches of a plan.
+
+    Each touch searches along the planned way and stops at the first thing that it meets (`first_contact`). Contacts
+    scatter by `sigma` [mm] along the normal (default: the cell's); faces stand `proud` of their drawing.
+    """
+    assert cell.jig is not None
+    robots, count = len(theta), len(plan)
+    end = search_end(cell, plan)
+    start = np.tile(plan.approach, (robots, 1))
+    paths = Paths(start, np.tile(end, (robots, 1)), np.repeat(theta, count, axis=0))
+    shift = (cell.touch.sigma if sigma is None else sigma) * rng.standard_normal((robots, count))
+    shift = shift if proud is None else shift + proud
+    surface = surfaces(cell.jig, cell.wire, {})
+    intervals = int(np.ceil(1.25 * cell.touch.travel / INTERVAL))
+    fraction, met, early = first_contact(cell.kinematics, surface, paths, shift.ravel(), intervals)
+    names = np.array([*surface.names, ""])
+    hit = (names[met] == np.tile(np.array(plan.face), robots)) & (fraction < 1) & ~early
+    q = start + np.where(hit, fraction, 0.0)[:, None] * (paths.end - start)
+    faces = [cell.jig.by_name[name] for name in plan.face]
+    return ManyTouches(
+        q.reshape(robots, count, -1), hit.reshape(robots, count), np.array([face.normal for face in faces]),
+        np.array([face.offset for face in faces]), touch_sigma(cell, plan.face),
+    )  # fmt: skip
+
+
+def touch_every(
+    cell: Cell, theta: Float[np.ndarray, "robots parameters"], plan: Plan, rng: np.random.Generator,
+    *, sigma: float | None = None, proud: Float[np.ndarray, "robots touches"] | None = None,
+) -> ManyTouches:  # fmt: skip
+    """What robots measure when every touch meets its face: a touch that would miss is taken to have been aimed again.
+
+    The planned way is followed, forwards or backwards, to where the wire meets the plane of its face; a way that never
+    does is a miss.
+    """
+    assert cell.jig is not None
+    robots, count = len(theta), len(plan)
+    shift = (cell.touch.sigma if sigma is None else sigma) * rng.standard_normal((robots, count))
+    shift = shift if proud is None else shift + proud
+    faces = [cell.jig.by_name[name] for name in plan.face]
+    normal, offset = np.array([face.normal for face in faces]), np.array([face.offset for face in faces])
+    start, way = np.tile(plan.approach, (robots, 1)), np.tile(plan.q - plan.approach, (robots, 1))
+    rows = np.repeat(theta, count, axis=0)
+    n, c = np.tile(normal, (robots, 1)), (np.tile(offset, robots) + shift.ravel())
+    wire = cell.wire
+
+    def gap(fraction: np.ndarray) -> np.ndarray:
+        position, rotation = cell.kinematics.tip(start + fraction[:, None] * way, rows)
+        lean = (rotation[:, :, 2] * n).sum(axis=1)
+        extent = {"point": 0.0, "ball": wire.radius, "flat": wire.radius * np.sqrt(np.maximum(1 - lean**2, 0))}
+        return np.asarray((position * n).sum(axis=1) - c - extent[wire.shape])
+
+    a, b = np.zeros(len(rows)), np.ones(len(rows))
+    fa, fb = gap(a), gap(b)
+    for _ in range(5):  # secant: the way is nearly straight, and a few steps leave nanometres
+        step = np.clip(-fb * (b - a) / np.where(fb == fa, 1.0, fb - fa), -1.0, 1.0)
+        a, b, fa = b, b + step, fb
+        fb = gap(b)
+    hit = (np.abs(fb) < EXACT) & (np.abs(b - 1) < FARTHEST)
+    q = start + np.where(hit, b, 0.0)[:, None] * way
+    return ManyTouches(
+        q.reshape(robots, count, -1), hit.reshape(robots, count), normal, offset, touch_sigma(cell, plan.face)
+    )
+
+
+def errors_in_zone(
+    cell: Cell, true: Float[np.ndarray, "robots parameters"], found: Float[np.ndarray, "robots parameters"],
+    zone: Float[np.ndarray, "poses joints"],
+) -> Float[np.ndarray, "robots poses"]:  # fmt: skip
+    """How far the tip of each robot is from where its calibration says, at poses of the zone [mm]."""
+    q = np.tile(zone, (len(true), 1))
+    tips = [cell.kinematics.tip(q, np.repeat(theta, len(zone), axis=0))[0] for theta in (true, found)]
+    return np.asarray(np.linalg.norm(tips[0] - tips[1], axis=1)).reshape(len(true), len(zone))
+
+
+def calibrate_many(
+    cell: Cell, touches: ManyTouches, *, priors: bool = True, eliminate: bool = True
+) -> ManyCalibrations:
+    """Identify every robot from its touches: least squares with the cell's priors, as `identify.calibrate` has them.
+
+    Gauss-Newton from the nominal robot, all robots in step; touches beyond REJECT scatters are left out, and the
+    scatter of what is left sets how much the priors weigh. Without `eliminate` every parameter is estimated and the
+    priors tell apart what touches cannot.
+    """
+    problem = _Problem(cell, touches, priors, eliminate)
+    used, scale = touches.hit, np.ones(len(touches.q))
+    theta, converged = problem.solve(np.tile(cell.theta, (len(scale), 1)), used, scale)
+    for _ in range(2):
+        agreeing = problem.agreeing(theta, touches.hit, used)
+        if np.array_equal(agreeing, used):
+            break
+        used = agreeing
+        theta, converged = problem.solve(theta, used, scale)
+    for _ in range(2):
+        scatter = problem.scatter(theta, used)
+        theta, converged = problem.solve(theta, used, np.maximum(scatter, 1.0))
+    return ManyCalibrations(theta, problem.scatter(theta, used), used, converged)
+
+
+class _Problem:
+    """Residuals, Jacobians and normal equations of many robots that made the same touches."""
+
+    def __init__(self, cell: Cell, touches: ManyTouches, priors: bool, eliminate: bool) -> None:
+        robots, count, joints = touches.q.shape
+        self.shape, self.sigma = (robots, count), touches.sigma
+        free = [i for i, name in enumerate(cell.robot.parameters) if name not in cell.fixed]
+        self.model, self.kept = measurement_model(cell.robot), np.array(structure(cell).kept if eliminate else free)
+        self.scale = cell.scale[self.kept]
+        known = np.isfinite(cell.prior[self.kept]) & priors
+        self.precision = np.diag(np.where(known, (self.scale / cell.prior[self.kept]) ** 2, 0.0))
+        self.start = cell.theta
+        wire = cell.wire
+        self.rows = Rows(
+            touches.q.reshape(-1, joints), np.tile(touches.normal, (robots, 1)),
+            np.tile(touches.offset + (wire.radius if wire.shape == "ball" else 0.0), robots),
+            np.full(robots * count, wire.radius if wire.shape == "flat" else 0.0), np.tile(touches.sigma, robots),
+            (), np.arange(robots * count),
+        )  # fmt: skip
+
+    def linearize(self, theta: Float[np.ndarray, "robots parameters"]) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals and Jacobian by the whitened kept parameters, both in units of sigma."""
+        r, J = self.model.linearize(np.repeat(theta, self.shape[1], axis=0), self.rows)
+        r, J = r.reshape(self.shape), J[:, self.kept].reshape(*self.shape, -1)
+        return r / self.sigma, J * self.scale / self.sigma[:, None]
+
+    def solve(
+        self, theta: Float[np.ndarray, "robots parameters"], used: Bool[np.ndarray, "robots touches"],
+        scale: Float[np.ndarray, " robots"],
+    ) -> tuple[Float[np.ndarray, "robots parameters"], Bool[np.ndarray, " robots"]]:  # fmt: skip
+        """Gauss-Newton; robots that have arrived stand still while the others go on."""
+        theta, weight = theta.copy(), used / scale[:, None] ** 2
+        going = np.arange(len(theta))
+        for _ in range(ITERATIONS):
+            some = self.of(going)
+            r, J = some.linearize(theta[going])
+            H, weighted = self.normal(J, weight[going])
+            x = (theta[going][:, self.kept] - self.start[self.kept]) / self.scale
+            gradient = (weighted * r[:, :, None]).sum(axis=1) + x @ self.precision
+            step = -np.linalg.solve(H, gradient[:, :, None])[:, :, 0]
+            theta[np.ix_(going, self.kept)] += step * self.scale
+            size = np.sqrt(np.maximum(-(step * gradient).sum(axis=1), 0.0))
+            going = going[size > STEP]
+            if not len(going):
+                break
+        converged = np.isfinite(theta).all(axis=1)
+        converged[going] = False
+        return theta, converged
+
+    def normal(self, J: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The normal matrix of every robot, and its weighted Jacobian."""
+        weighted = J * weight[:, :, None]
+        return weighted.transpose(0, 2, 1) @ J + self.precision, weighted
+
+    def freedom(self, J: np.ndarray, used: np.ndarray) -> Float[np.ndarray, " robots"]:
+        """Touches less the degrees of freedom that parameters take: their number, less what the priors hold."""
+        held = (np.linalg.inv(self.normal(J, used * 1.0)[0]) * self.precision).sum(axis=(1, 2))
+        return np.maximum(used.sum(axis=1) - len(self.kept) + held, 1.0)
+
+    def of(self, robots: np.ndarray) -> "_Problem":
+        """The same problem of some of the robots."""
+        if len(robots) == self.shape[0]:
+            return self
+        part = object.__new__(_Problem)
+        part.__dict__.update(self.__dict__)
+        part.shape = (len(robots), self.shape[1])
+        index = (robots[:, None] * self.shape[1] + np.arange(self.shape[1])).ravel()
+        part.rows = self.rows.take(index)
+        return part
+
+    def scatter(
+        self, theta: Float[np.ndarray, "robots parameters"], used: Bool[np.ndarray, "robots touches"]
+    ) -> Float[np.ndarray, " robots"]:
+        """Root of chi-square a degree of freedom."""
+        r, J = self.linearize(theta)
+        return np.asarray(np.sqrt((np.where(used, r, 0.0) ** 2).sum(axis=1) / self.freedom(J, used)))
+
+    def agreeing(
+        self, theta: Float[np.ndarray, "robots parameters"], hit: Bool[np.ndarray, "robots touches"],
+        used: Bool[np.ndarray, "robots touches"],
+    ) -> Bool[np.ndarray, "robots touches"]:  # fmt: skip
+        """Touches whose residual is within REJECT robust scatters."""
+        r, J = self.linearize(theta)
+        size = np.abs(r)
+        middle = np.nanmedian(np.where(used, size, np.nan), axis=1)
+        limit = REJECT * np.maximum(1.4826 * middle * np.sqrt(used.sum(axis=1) / self.freedom(J, used)), 1.0)
+        return np.asarray(hit & (size <= limit[:, None]))
