@@ -5,9 +5,10 @@ from typing import Any
 
 _FRONT = {
     "approximate_design": "oed.relaxation",
+    "exact_design": "oed.exchange",
     "plan": "oed.planning",
 }
-__all__ = ["approximate_design", "plan"]
+__all__ = ["approximate_design", "exact_design", "plan"]
 
 
 def __getattr__(name: str) -> Any:

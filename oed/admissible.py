@@ -27,9 +27,7 @@ class Admissible:
     def best(self, gain: Float[np.ndarray, " candidates"]) -> tuple[float, Float[np.ndarray, " groups"]]:
         """Largest sum of weight * gain over the set, and the gain below which a group takes no more.
 
-        Exact: the limits are nested, so it is best to take what each group must have, then whatever gains most and
-        still
-        fits.
+        Exact: the limits are nested, so it is best to take what each group must have, then what gains most and fits.
         """
         index = np.concatenate([self._head(gain, group) for group in range(len(self.members))])
         index = index[np.argsort(-gain[index], kind="stable")]

@@ -1,11 +1,9 @@
 """Concave functions of the information that certify a design.
 
-Each phi is concave and homogeneous of degree one, so a supporting matrix S at M gives phi(M') <= tr(S M') for *every*
-M':
-that is the whole certificate (Kiefer and Wolfowitz 1960; Pukelsheim 1993). `log`, `slope` and `curvature` drive the
-interior point; for the smallest eigenvalue and the worst pose, which have kinks, they belong to a smooth stand-in
-that is
-sharpened by its `exponent`, while `support` stays valid for the criterion itself.
+Each phi is concave and homogeneous of degree one, so a supporting matrix S at M gives phi(M') <= tr(S M') for every M'
+there is: that is the whole certificate (Kiefer and Wolfowitz 1960; Pukelsheim 1993). `log`, `slope` and `curvature`
+drive the interior point; for the smallest eigenvalue and the worst pose, which have kinks, they belong to a smooth
+stand-in that is sharpened by its `exponent`, while `support` stays valid for the criterion itself.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,7 @@
 """What makes one set of touches better than another: one function and one row of the table each.
 
 An index of observability is a function of the singular values of the whitened rows, in descending order; a criterion
-for
-the weld zone is a function of the predicted tip variances at the poses of the zone. Both take a batch: the last axis
-counts.
+for the weld zone is a function of the predicted tip variances at its poses. Both take a batch: the last axis counts.
 """
 
 from collections.abc import Callable
@@ -73,9 +71,8 @@ class Criterion:
     """One way to score the information of a set of touches.
 
     `degree` says how the value grows when the information is scaled, as information**degree; with a positive or zero
-    degree larger is better. `keeps` is what survives a change of units or of base frame, that is rows X T for a
-    regular T:
-    the ranking of all designs, the value itself (the zone changes along), or nothing unless T is a rotation. `swaps`
+    degree larger is better. `keeps` is what survives a change of units or of base frame, that is rows X T for a regular
+    T: the ranking of all designs, the value itself (the zone changes along), or nothing unless T is a rotation. `swaps`
     names the formula that drives the exchange: determinants and traces have one of their own, all others are screened.
     `bound` names the concave function that certifies it (see `oed.concave`); without one there is no efficiency.
     """
@@ -140,7 +137,7 @@ def criterion_named(name: str) -> Criterion:
 
 
 def checked_zone(criterion: Criterion, zone: np.ndarray | None, parameters: int) -> Float[np.ndarray, "poses axes p"]:
-    """The zone as tip Jacobians (poses, axes, parameters); a moment matrix becomes one pose of its mean variance."""
+    """The zone as tip Jacobians (poses, axes, parameters); a moment matrix, one pose of the same mean."""
     if zone is None:
         raise ValueError(f"criterion '{criterion.name}' scores the weld zone; give `zone`, its whitened tip Jacobians")
     zone = np.asarray(zone, dtype=float)
@@ -162,8 +159,7 @@ def score(
 ) -> np.ndarray:
     """Value of the criterion for total information M of `touches` touches; a batch of matrices gives a batch of values.
 
-    Only O1 and D are per touch, by definition; the others score all touches together, so V and G are mm^2 of this
-    very plan.
+    Only O1 and D are per touch, by definition; the others score all touches together, so V and G are mm^2 of this plan.
     """
     criterion = criterion_named(criterion) if isinstance(criterion, str) else criterion
     M = np.asarray(M, dtype=float) / (touches if criterion.per_touch else 1)

@@ -34,12 +34,13 @@ class ApproximateDesign:
     information: Float[np.ndarray, "parameters parameters"]
     closeness: Float[np.ndarray, " candidates"]  # what a candidate gains over what is needed to carry weight
     level: float  # the bound as phi of the information: the efficiency of a set is its phi over this
+    touches: int  # that share the weights
     rounds: int
 
     @property
     def support(self) -> Int[np.ndarray, " support"]:
-        """Candidates that carry weight."""
-        return np.flatnonzero(self.weights)
+        """Candidates that carry weight: more than a millionth, what is below belongs to the method."""
+        return np.flatnonzero(self.weights > 1e-6)
 
 
 def approximate_design(
@@ -57,10 +58,8 @@ def approximate_design(
     """Best weights on the candidates to a relative `gap`; the bound holds whether or not the gap was reached.
 
     `touches` is the number that shares the weights (it matters beside a prior), `cap` the largest weight (1 / touches
-    where
-    no touch is repeated), `quotas` the smallest and largest share of weight per face. O2 and O4 have no concave form:
-    their
-    weights are those of E, and their bound is nan. E and G have kinks: their gap ends near 1e-3.
+    where no touch is repeated), `quotas` the smallest and largest share of weight per face. O2 and O4 have no concave
+    form: their weights are those of E, and their bound is nan. E and G have kinks: their gap ends near 1e-3.
     """
     chosen, rows = criterion_named(criterion), checked(rows)
     known = checked_prior(prior, rows.shape[1])
@@ -221,6 +220,7 @@ def _result(criterion: Criterion, search: _Search, zone: np.ndarray | None, touc
     M = M.T @ (search.prior + search.touches * information(search.rows[columns] @ search.basis, w)) @ M
     value, ratio = float(score(criterion, M, touches, zone)), 1 + search.gap if criterion.bound else np.nan
     return ApproximateDesign(
-        criterion=criterion.name, weights=weights, value=value, bound=value * ratio**criterion.degree, gap=ratio - 1,
-        information=M, closeness=search.closeness, level=phi(criterion, M, zone) * ratio, rounds=search.rounds,
+        criterion=criterion.name, weights=weights, value=value, gap=ratio - 1, information=M, touches=touches,
+        bound=value * ratio**criterion.degree if criterion.bound else np.nan, closeness=search.closeness,
+        level=phi(criterion, M, zone) * ratio, rounds=search.rounds,
     )  # fmt: skip

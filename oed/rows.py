@@ -53,7 +53,7 @@ def blocks(count: int, size: int = BLOCK) -> Iterator[slice]:
 def sensitivities(
     rows: Float[np.ndarray, "candidates parameters"], S: Float[np.ndarray, "parameters parameters"]
 ) -> Float[np.ndarray, " candidates"]:
-    """X' S x of every candidate row x: with S = M^-1 the variance that the touch would see."""
+    """The number x' S x for every candidate row x: with S = M^-1 the variance that the touch would see."""
     out = np.empty(len(rows))
     for block in blocks(len(rows)):
         np.einsum("ij,ij->i", rows[block] @ S, rows[block], out=out[block])

@@ -1,0 +1,259 @@
+"""Approximate designs: known optima, other solvers, and a certificate that no enumerated set may beat."""
+
+from itertools import combinations, combinations_with_replacement
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import linprog, minimize
+
+from oed.admissible import admissible
+from oed.concave import Determinant, Power, Smallest, Trace, Worst
+from oed.criteria import CRITERIA, score
+from oed.relaxation import approximate_design, phi
+
+SEEDS = st.integers(0, 2**32 - 1)
+CERTIFIED = [name for name, criterion in CRITERIA.items() if criterion.bound]
+SMOOTH = [name for name in CERTIFIED if CRITERIA[name].bound not in ("smallest", "worst")]
+GRID = np.linspace(-1, 1, 41)
+QUADRATIC = np.stack([np.ones_like(GRID), GRID, GRID**2], axis=1)
+
+
+def small(seed, candidates=9, parameters=3, poses=3):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(candidates, parameters)), rng.normal(size=(poses, 3, parameters)), rng
+
+
+def best_of_all(rows, n, name, zone, prior, sets):
+    """Largest phi of any of the sets."""
+    M = np.array([rows[list(chosen)].T @ rows[list(chosen)] + prior for chosen in sets])
+    value = score(name, M, 1, zone) ** (1 / CRITERIA[name].degree)
+    return float(np.nanmax(value))
+
+
+# known optima of quadratic regression on [-1, 1] (Pukelsheim 1993; Atkinson, Donev and Tobias 2007)
+@pytest.mark.parametrize(
+    ("name", "ends", "value"),
+    [("D", 1 / 3, (4 / 27) ** (1 / 3)), ("A", 1 / 4, 8.0), ("E", 1 / 5, 1 / 5), ("O1", 1 / 3, (4 / 27) ** (1 / 6))],
+)
+def test_quadratic_regression_has_the_optimum_of_the_textbooks(name, ends, value):
+    design = approximate_design(QUADRATIC, name)
+
+    tolerance = 1e-3 if name in SMOOTH else 0.01
+    assert design.value == pytest.approx(value, rel=1e-5 if name in SMOOTH else 5e-3)
+    assert design.weights[[0, 20, 40]] == pytest.approx([ends, 1 - 2 * ends, ends], abs=tolerance)
+
+
+def test_the_worst_variance_over_the_candidates_is_the_number_of_parameters():
+    design = approximate_design(QUADRATIC, "G", zone=QUADRATIC[:, None, :])  # Kiefer and Wolfowitz 1960
+
+    assert design.value == pytest.approx(3, rel=5e-3)
+    assert design.bound <= 3 * (1 + 1e-9)
+
+
+def test_the_mean_variance_over_the_interval_is_that_of_the_textbooks():
+    moment = np.array([[1, 0, 1 / 3], [0, 1 / 3, 0], [1 / 3, 0, 1 / 5]])
+
+    design = approximate_design(QUADRATIC, "V", zone=moment)
+
+    assert design.weights[[0, 20, 40]] == pytest.approx([1 / 4, 1 / 2, 1 / 4], abs=1e-3)
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+@given(seed=SEEDS)
+def test_no_set_without_repeats_beats_the_certificate(name, seed):
+    rows, zone, _ = small(seed)
+
+    design = approximate_design(rows, name, zone=zone, touches=4, cap=1 / 4)
+
+    best = best_of_all(rows, 4, name, zone, 0, combinations(range(9), 4))
+    assert best <= design.level * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+@given(seed=SEEDS)
+def test_no_set_with_repeats_and_a_prior_beats_the_certificate(name, seed):
+    rows, zone, rng = small(seed)
+    known = rng.normal(size=(2, 3))
+    prior = known.T @ known
+
+    design = approximate_design(rows, name, zone=zone, touches=3, prior=prior)
+
+    best = best_of_all(rows, 3, name, zone, prior, combinations_with_replacement(range(9), 3))
+    assert best <= design.level * (1 + 1e-9)
+
+
+@given(seed=SEEDS)
+def test_no_set_within_quotas_beats_the_certificate_of_the_quotas(seed):
+    rows, _, _ = small(seed)
+    face = np.repeat([3, 5, 8], 3)
+    sets = [c for c in combinations(range(9), 4) if sum(face[list(c)] == 3) >= 2 and sum(face[list(c)] == 8) <= 1]
+
+    design = approximate_design(rows, touches=4, cap=1 / 4, face=face, quotas={3: (0.5, 1), 8: (0, 0.25)})
+
+    assert best_of_all(rows, 4, "D", None, 0, sets) <= design.level * (1 + 1e-9)
+    assert design.level < approximate_design(rows, touches=4).level * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_the_bound_is_met_to_the_gap(name):
+    rows, zone, _ = small(3, candidates=3000, parameters=8, poses=40)
+
+    design = approximate_design(rows, name, zone=zone, gap=1e-7)
+
+    assert 0 <= design.gap <= 1e-7
+    assert design.weights.sum() == pytest.approx(1)
+    assert design.closeness.max() <= 1 + 1e-6
+    assert design.closeness[design.weights > 1e-3].min() > 1 - 1e-3  # who carries weight is as good as the best
+
+
+@pytest.mark.parametrize("name", ["O3", "E", "G"])
+def test_a_criterion_with_a_kink_comes_within_a_percent_of_its_bound(name):
+    rows, zone, _ = small(3, candidates=3000, parameters=8, poses=40)
+
+    design = approximate_design(rows, name, zone=zone)
+
+    assert 0 <= design.gap <= 0.01
+
+
+@pytest.mark.parametrize("name", ["D", "A", "V"])
+def test_caps_and_quotas_give_what_a_general_solver_gives(name):
+    rows, zone, _ = small(5, candidates=30, parameters=4, poses=6)
+    face = np.arange(30) % 3
+    chosen = CRITERIA[name]
+
+    design = approximate_design(rows, name, zone=zone, cap=0.1, face=face, quotas={0: (0.5, 1), 1: (0, 0.2)})
+
+    limits = [
+        {"type": "eq", "fun": lambda w: w.sum() - 1},
+        {"type": "ineq", "fun": lambda w: w[face == 0].sum() - 0.5},
+        {"type": "ineq", "fun": lambda w: 0.2 - w[face == 1].sum()},
+    ]
+    found = minimize(
+        lambda w: -np.log(phi(chosen, (rows.T * w) @ rows, zone)),
+        np.full(30, 1 / 30),
+        bounds=[(0, 0.1)] * 30,
+        constraints=limits,
+        options={"ftol": 1e-12, "maxiter": 500},
+    )
+    assert found.success
+    assert np.log(phi(chosen, design.information, zone)) == pytest.approx(-found.fun, abs=1e-5)
+    assert design.weights.max() <= 0.1 * (1 + 1e-5)
+    assert design.weights[face == 0].sum() >= 0.5 - 1e-5
+    assert design.weights[face == 1].sum() <= 0.2 + 1e-5
+
+
+def test_rows_in_other_units_have_the_same_optimal_weights():
+    rows, _, rng = small(6, candidates=200, parameters=5)
+    T = rng.normal(size=(5, 5)) * 10.0 ** np.arange(-2, 3)
+
+    plain, moved = approximate_design(rows), approximate_design(rows @ T)
+
+    assert moved.weights == pytest.approx(plain.weights, abs=1e-4)
+    assert moved.value / plain.value == pytest.approx(abs(np.linalg.det(T)) ** (2 / 5), rel=1e-5)
+
+
+def test_a_criterion_without_a_concave_form_has_weights_and_no_bound():
+    rows, _, _ = small(7, candidates=100)
+
+    design = approximate_design(rows, "O2")
+
+    assert np.isnan(design.bound)
+    assert np.isnan(design.gap)
+    assert design.weights.sum() == pytest.approx(1)
+
+
+@given(seed=SEEDS)
+def test_the_best_admissible_weights_are_those_of_a_linear_program(seed):
+    rng = np.random.default_rng(seed)
+    gain, cap, face = rng.normal(size=14), rng.uniform(0.1, 0.6, 14), rng.integers(0, 3, 14)
+    face[:3] = [0, 1, 2]
+    quotas = {0: (0.1, 0.4), 2: (0.0, 0.5)}
+    if not feasible(cap, face, quotas):
+        return
+
+    total, _ = admissible(14, cap, face, quotas).best(gain)
+
+    groups = np.array([face == 0, face == 0, face == 2])
+    A, b = np.vstack([[-1], [1], [1]]) * groups, [-0.1, 0.4, 0.5]
+    found = linprog(-gain, A_ub=A, b_ub=b, A_eq=np.ones((1, 14)), b_eq=[1], bounds=[(0, c) for c in cap])
+    assert found.success
+    assert total == pytest.approx(-found.fun, abs=2e-5)  # limits are widened by 1e-6
+    assert total >= -found.fun - 1e-12
+
+
+def feasible(cap, face, quotas):
+    room = [min(cap[face == f].sum(), quotas.get(f, (0, 1))[1]) for f in range(3)]
+    return sum(room) >= 1 and cap[face == 0].sum() >= 0.1
+
+
+FUNCTIONS = {
+    "determinant": lambda rng: Determinant(),
+    "trace": lambda rng: Trace(rng.normal(size=(6, 4))),
+    "power": lambda rng: Power(0.5),
+    "smallest": lambda rng: Smallest(20.0),
+    "worst": lambda rng: Worst(rng.normal(size=(5, 3, 4)), 8.0),
+}
+
+
+@pytest.mark.parametrize("kind", FUNCTIONS)
+def test_slopes_and_curvatures_are_those_of_finite_differences(kind):
+    rng = np.random.default_rng(8)
+    function, X, w = FUNCTIONS[kind](rng), rng.normal(size=(7, 4)), rng.uniform(0.1, 1, 7)
+
+    def log(w):
+        return function.log((X.T * w) @ X)
+
+    step = 1e-4 * np.eye(7)
+    M = (X.T * w) @ X
+    slope = [(log(w + e) - log(w - e)) / 2e-4 for e in step]
+    bend = [[(log(w + e + f) - log(w + e - f) - log(w - e + f) + log(w - e - f)) / 4e-8 for f in step] for e in step]
+    assert np.einsum("ij,jk,ik->i", X, function.slope(M), X) == pytest.approx(np.array(slope), rel=1e-5, abs=1e-7)
+    assert -function.curvature(M, X) == pytest.approx(np.array(bend), rel=1e-3, abs=1e-5)
+
+
+@pytest.mark.parametrize("kind", FUNCTIONS)
+@given(seed=SEEDS)
+def test_a_supporting_matrix_bounds_the_criterion_everywhere(kind, seed):
+    rng = np.random.default_rng(seed)
+    function = FUNCTIONS[kind](rng)
+    X, Y = rng.normal(size=(6, 4)), rng.normal(size=(6, 4)) * 10 ** rng.uniform(-2, 2, 4)
+
+    _, S = function.support(X.T @ X)
+    there, _ = function.support(Y.T @ Y)
+
+    assert there <= np.sum(S * (Y.T @ Y)) * (1 + 1e-9)
+
+
+def test_the_racing_problem_has_its_known_bound(shared_data):
+    rows = np.load(shared_data / "oed20k" / "candidates.npz")["rows"]
+
+    free, capped = approximate_design(rows), approximate_design(rows, cap=1 / 150)
+
+    assert free.gap <= 1e-6
+    assert free.value <= 0.6013036017 * (1 + 1e-7)
+    assert free.bound >= 0.6013036017 * (1 - 1e-7)
+    assert capped.bound / free.bound <= 0.9942 + 1e-4  # the factor that the peers computed
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rows": np.array([[1.0, np.nan]])}, r"rows: 1 of 1 rows are not finite, the first is row 0"),
+        ({"rows": np.zeros(4)}, r"rows: shape \(4,\), expected \(candidates, parameters\)"),
+        ({"rows": np.ones((5, 2))}, r"rows: they determine 1 of 2 parameters"),
+        ({"rows": np.eye(3)[:, :2] * [1, 0]}, r"determine 1 of 2 parameters \(parameter 1 is in no row\)"),
+        ({"cap": 0.01}, r"cap: 41 candidates hold a weight of 0.41 together, expected 1; add candidates"),
+        ({"prior": -np.eye(3)}, r"prior: eigenvalue -1 is negative"),
+        ({"prior": np.eye(2)}, r"prior: shape \(2, 2\), expected finite numbers of shape \(3, 3\)"),
+        ({"quotas": {0: (0, 1)}}, "quotas: they need `face`"),
+        ({"quotas": {7: (0.5, 1)}, "face": np.zeros(41, int)}, "quota of face 7: no candidate lies on it"),
+        ({"quotas": {0: (0, 0.5)}, "face": np.zeros(41, int)}, "expected a range around 1; loosen a quota"),
+        ({"quotas": {0: (0.9, 0.5)}, "face": np.zeros(41, int)}, "expected 0 <= smallest <= largest"),
+        ({"criterion": "V"}, "scores the weld zone"),
+    ],
+)
+def test_a_question_that_makes_no_sense_gets_one_sentence(change, message):
+    with pytest.raises(ValueError, match=message):
+        approximate_design(**{"rows": QUADRATIC, **change})
