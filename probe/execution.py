@@ -17,7 +17,6 @@ from probe.session import Session
 from probe.settings import Settings
 
 USUAL = Settings()
-CLEAR = 15.0  # [mm] from the jig, on ways that no planner has seen
 
 
 def run(
@@ -66,23 +65,17 @@ class Execution:
     def all(self) -> Finished:
         """Everything, from the first look at the controller to the last touch."""
         for hit in self.session.hits():
-            self.predictor.learn(hit.reading.q, self._of(hit.id).face)
+            self._learn(hit.reading, self._of(hit.id))
         self.tell(Started(len(self.targets), self._done(), self.controller.name))
         self._begin()
-        while (target := self._next()) is not None:
-            self._count(self._touch(target, target.id))
-            self._look_for_drift()
+        for target in self.targets:
+            if target.id not in self.session.results:
+                self._count(self._touch(target, target.id))
+                self._look_for_drift()
         hits = sum(self.session.results[name].status == HIT for name in self._by_id)
         finished = Finished(hits, len(self.targets), self.clock.robot() - self._start)
         self.tell(finished)
         return finished
-
-    def _next(self) -> Target | None:
-        """The next touch of the plan; another one first where the robot stands elsewhere, and the jig is in its way."""
-        rest = [target for target in self.targets if target.id not in self.session.results]
-        if not rest or not self.motion.in_the_way(rest[0]):
-            return rest[0] if rest else None
-        return next((target for target in rest if not self.motion.in_the_way(target, margin=CLEAR)), rest[0])
 
     def _begin(self) -> None:
         """See that the controller is ready, and bring a broken run to its end."""
@@ -160,7 +153,7 @@ class Execution:
         )
         self.session.finish(result)
         if status == HIT:
-            self.predictor.learn(found.reading.q, target.face)
+            self._learn(found.reading, target)
         self._made += 1
         left = (len(self.targets) - self._done()) * (self.clock.robot() - self._start) / self._made
         judged = surprise or Surprise(np.nan, np.nan, np.nan)
@@ -193,14 +186,12 @@ class Execution:
             self.tell(Drifted(again.id, self._change(first.reading, again.reading, self._of(first.id))))
 
     def _known(self, hits: Iterable[Result]) -> Result | None:
-        """The first of some touches to which, and from there to the next of the plan, the way is clear of the jig."""
-        following = next((target for target in self.targets if target.id not in self.session.results), None)
-        for hit in hits:
-            there = self._of(hit.id).approach
-            ways = [(self.motion.here, there), *([(there, following.approach)] if following else [])]
-            if not any(self.motion.geometry.inside(*way, margin=CLEAR) for way in ways):
-                return hit
-        return None
+        """The first of some touches to which there is a way."""
+        return next((hit for hit in hits if self.motion.ways.route(self.motion.here, self._of(hit.id).approach)), None)
+
+    def _learn(self, reading: Reading, target: Target) -> None:
+        self.predictor.learn(reading.q, target.face)
+        self.motion.ways.theta = self.predictor.theta
 
     def _judge(self, found: Measured, target: Target) -> Surprise:
         return self.predictor.judge(found.reading.q, target.face)

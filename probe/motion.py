@@ -13,6 +13,7 @@ from probe.paths import Geometry, Target
 from probe.records import Intent, Reading
 from probe.session import Session
 from probe.settings import Settings
+from probe.ways import Ways
 
 HOPELESS = {"ESTOP", "UNHOMED", "STOPPED"}  # somebody at the robot decided so: no motion follows
 FUTILE = {"LIMIT", "SYNTAX"}  # a second attempt would be answered alike
@@ -48,6 +49,7 @@ class Motion:
     ) -> None:
         self.controller, self.session, self.settings, self.tell, self.clock = controller, session, settings, tell, clock
         self.geometry = Geometry(session.cell, settings)
+        self.ways = Ways(self.geometry, list(session.plan.approach))
         self.here: Joints = np.full(controller.joints, np.nan)  # [rad] or [mm]
         self.boot = ""
 
@@ -124,10 +126,6 @@ class Motion:
             raise TouchError("the robot did not get back to its last approach; move it there by hand, then --resume")
         self._await_open()
 
-    def in_the_way(self, target: Target, margin: float = 0.0) -> bool:
-        """Whether the jig, grown by a margin [mm], lies between here and the approach of a touch."""
-        return self.geometry.inside(self.here, target.approach, margin)
-
     def _lean(self, origin: Joints | None, intent: Intent) -> None:
         """The wire caught on its way back: only towards where that began is open, until the wire is free."""
         if origin is None:
@@ -187,12 +185,14 @@ class Motion:
 
     def _approach(self, target: Target, name: str) -> None:
         if self._apart(self.here, target.approach):
-            if self.in_the_way(target):
+            route = self.ways.route(self.here, target.approach)
+            if not route:
                 raise TouchError(
-                    f"the way to touch '{name}' leads through the jig from where the robot stands; "
+                    f"every way to touch '{name}' leads through the jig from where the robot stands; "
                     "jog it above the jig, then go on with --resume --trust-position"
                 )
-            self._move(target.approach, name, "move", self.here, self.settings.move_speed)
+            for q in route:
+                self._move(q, name, "move", self.here, self.settings.move_speed)
         self._await_open()
 
     def _search(self, target: Target, name: str, back: Joints) -> Measured | Failed:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from identify.model.cell import Cell
 from identify.model.jig import Face, Jig
@@ -114,11 +114,23 @@ class Geometry:
         s = float((p - a) @ line / square) if square else 0.0
         return s, float(np.radians(np.abs(p - a - s * line).max()))
 
-    def inside(
-        self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"], margin: float = 0.0
-    ) -> bool:
-        """Whether the tip comes within a margin [mm] of a solid box of the jig on a straight joint path."""
+    def inside(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> bool:
+        """Whether the tip comes into a solid box of the jig on a straight joint path."""
+        return bool(self.blocked(start[None], end[None])[0])
+
+    def blocked(
+        self,
+        start: Float[np.ndarray, "ways joints"],
+        end: Float[np.ndarray, "ways joints"],
+        margin: float = 0.0,
+        theta: Float[np.ndarray, " parameters"] | None = None,
+    ) -> Bool[np.ndarray, " ways"]:
+        """Straight joint paths on which the tip comes within a margin [mm] of a solid box of the jig."""
+        s = np.linspace(0.0, 1.0, SAMPLES)[None, :, None]
+        q = (start[:, None] + s * (end - start)[:, None]).reshape(-1, start.shape[1])
+        tip = self.cell.kinematics.tip(q, self.cell.theta if theta is None else theta)[0]
         boxes = () if self.cell.jig is None else self.cell.jig.boxes
-        _, tip, _ = self.path(start, end)
-        near = [(tip > np.array(box.lower) - margin) & (tip < np.array(box.upper) + margin) for box in boxes]
-        return any(bool(each.all(axis=1).any()) for each in near)
+        near = np.zeros(len(tip), dtype=bool)
+        for box in boxes:
+            near |= ((tip > np.array(box.lower) - margin) & (tip < np.array(box.upper) + margin)).all(axis=1)
+        return np.asarray(near.reshape(-1, SAMPLES).any(axis=1))

@@ -1,15 +1,14 @@
 """A dry run: every approach of a plan at a safe distance, and no touch."""
 
-import numpy as np
-
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from probe.clock import Clock
 from probe.controller import Controller, Refused, TouchError
 from probe.events import Finished, Listener, Started, Touching, ignore
-from probe.paths import Geometry
+from probe.paths import Geometry, Target
 from probe.preflight import validate
 from probe.settings import Settings
+from probe.ways import Joints, Ways
 
 
 def rehearse(
@@ -31,28 +30,40 @@ def rehearse(
     targets = validate(plan, cell, settings, controller.joints)
     geometry = Geometry(cell, settings)
     here = _ready(controller)
+    places = [geometry.beyond(t.contact, t.approach, _far(t, geometry)) for t in targets]
+    ways = Ways(geometry, places)
     tell(Started(len(targets), 0, controller.name))
-    for target in targets:
+    for target, place in zip(targets, places, strict=True):
         tell(Touching(target.id, target.face.name, 1))
-        far = geometry.length(target.contact, target.approach) + settings.dry_distance
-        q = geometry.beyond(target.contact, target.approach, far)
-        if geometry.inside(here, q):
+        route = ways.route(here, place)
+        if not route:
             raise TouchError(f"the way to touch '{target.id}' leads through the jig; jog the robot above the jig first")
-        try:
-            here = controller.move(q, geometry.move_rate(here, q, settings.move_speed))
-        except KeyboardInterrupt:
-            controller.stop()
-            raise
-        except Refused as refusal:
-            if refusal.code == "EARLY":
-                controller.move(here, geometry.move_rate(q, here, settings.retract_speed))
-            raise TouchError(f"on the way to touch '{target.id}': {refusal}") from None
+        for q in route:
+            here = _move(controller, geometry, here, q, target)
     finished = Finished(0, len(targets), clock.robot() - began)
     tell(finished)
     return finished
 
 
-def _ready(controller: Controller) -> np.ndarray:
+def _far(target: Target, geometry: Geometry) -> float:
+    """How far from its contact a touch is rehearsed [mm of the tip's way]."""
+    return geometry.length(target.contact, target.approach) + geometry.settings.dry_distance
+
+
+def _move(controller: Controller, geometry: Geometry, here: Joints, q: Joints, target: Target) -> Joints:
+    """One move; back to where it began where something is touched."""
+    try:
+        return controller.move(q, geometry.move_rate(here, q, geometry.settings.move_speed))
+    except KeyboardInterrupt:
+        controller.stop()
+        raise
+    except Refused as refusal:
+        if refusal.code == "EARLY":
+            controller.move(here, geometry.move_rate(q, here, geometry.settings.retract_speed))
+        raise TouchError(f"on the way to touch '{target.id}': {refusal}") from None
+
+
+def _ready(controller: Controller) -> Joints:
     state = controller.state()
     if state.moving:
         raise TouchError("the robot is moving; wait until it stands")

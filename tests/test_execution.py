@@ -168,6 +168,29 @@ def test_a_plan_whose_way_leads_through_the_jig_is_refused(bench: Bench, cell: C
     assert bench.robot.log == []
 
 
+def test_where_the_jig_lies_between_the_robot_goes_round_over_other_approaches(bench: Bench, cell: Cell) -> None:
+    plan, geometry = clear_plan(cell, 30, seed=3), Geometry(cell, USUAL)
+    at, first = next((i, j) for i in range(30) for j in range(24) if hidden(geometry, plan.approach[[i, j]]))
+    bench.world.q = plan.approach[at].copy()
+
+    finished = bench.run(plan=plan.take(np.arange(first, 30)))
+
+    assert finished.hits == 30 - first
+    assert not any(hidden(geometry, np.stack(motion)) for motion in bench.world.motions if far(geometry, *motion))
+
+
+def hidden(geometry: Geometry, ends: np.ndarray) -> bool:
+    """Whether a finer look finds the tip in the jig between two postures."""
+    tip = geometry.tip(ends[0] + np.linspace(0, 1, 500)[:, None] * (ends[1] - ends[0]))
+    assert geometry.cell.jig is not None
+    return any(((tip > box.lower) & (tip < box.upper)).all(axis=1).any() for box in geometry.cell.jig.boxes)
+
+
+def far(geometry: Geometry, start: np.ndarray, end: np.ndarray) -> bool:
+    """Whether a motion is longer than a search."""
+    return geometry.length(start, end) > 80
+
+
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [

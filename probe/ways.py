@@ -1,0 +1,56 @@
+"""Ways of the tip between approach points that keep out of the jig, by what the touches so far tell of the robot."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from probe.paths import Geometry
+
+NEAR = 4.0  # [mm] from the jig that a way may come; planners keep a little more
+CLEAR = 15.0  # [mm], on ways that no planner has seen
+UNPLANNED = 300.0  # [mm] that a way may be longer for being one that the plan goes along, too
+
+Joints = Float[np.ndarray, " joints"]
+
+
+class Ways:
+    """Straight ways in joint space from here to an approach, or round about over others."""
+
+    def __init__(self, geometry: Geometry, stops: Sequence[Joints]) -> None:
+        self.geometry = geometry
+        self.theta = geometry.cell.theta  # the most probable parameters, as far as touches tell them
+        self._stops = np.stack(stops)  # approach points, in the order of the plan
+
+    def route(self, start: Joints, goal: Joints) -> list[Joints]:
+        """Where to go one after the other; empty where the jig is in the way of everything."""
+        if not self._blocked(start[None], goal[None], NEAR)[0]:
+            return [goal]
+        for margin in (CLEAR, NEAR):
+            if found := self._around(start, goal, margin):
+                return found
+        return [] if self.geometry.inside(start, goal) else [goal]  # as planned: the wire will tell
+
+    def _blocked(
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], margin: float
+    ) -> Bool[np.ndarray, " ways"]:
+        return self.geometry.blocked(start, end, margin, self.theta)
+
+    def _around(self, start: Joints, goal: Joints, margin: float) -> list[Joints]:
+        """The shortest way over approach points, those along the plan preferred."""
+        from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
+
+        q = np.stack([start, *self._stops, goal])
+        tip = self.geometry.tip(q)
+        a, b = np.triu_indices(len(q), 1)
+        cost = np.linalg.norm(tip[a] - tip[b], axis=1) + np.where((b == a + 1) & (a > 0), 0.0, UNPLANNED)
+        dense = np.full((len(q), len(q)), np.inf)
+        dense[a, b] = np.where(self._blocked(q[a], q[b], margin), np.inf, cost)
+        graph = csgraph_from_dense(dense, null_value=np.inf)
+        distance, before = dijkstra(graph, directed=False, indices=np.array([0]), return_predecessors=True)
+        if not np.isfinite(distance[0, -1]):
+            return []
+        way = [len(q) - 1]
+        while before[0, way[0]] != 0:
+            way.insert(0, int(before[0, way[0]]))
+        return [q[i] for i in way]
