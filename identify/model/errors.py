@@ -200,16 +200,22 @@ CONDITIONAL = {"backlash", "thermal"}  # those that depend on how a touch was ma
 
 def terms(robot: Robot, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> list[Term]:
     """The terms of a robot's error models, in the order of the table."""
-    arm = Arm(robot, q, tool, conditions)
-    return [term for name, model in ERROR_MODELS.items() if name in robot.errors for term in model(arm)]
+    return [term for _, term in _terms(Arm(robot, q, tool, conditions))]
+
+
+def _terms(arm: Arm) -> Iterator[tuple[str, Term]]:
+    """Terms with their models, without those that do nothing: no weight turns an upright axis."""
+    for name, model in ERROR_MODELS.items():
+        for term in model(arm) if name in arm.robot.errors else ():
+            if not all(ca.simplify(shape).is_zero() for shape in term.shapes.values()):
+                yield name, term
 
 
 @lru_cache(maxsize=64)
 def parameters(robot: Robot) -> tuple[tuple[str, str, str], ...]:
     """Name, key of its size, and model of every error parameter of a robot."""
     arm = Arm(robot, ca.SX.sym("q", len(robot.joints)), ca.SX.sym("tool", 6), conditions(robot))
-    found = [(name, model) for name, model in ERROR_MODELS.items() if name in robot.errors]
-    return tuple((term.name, term.size, name) for name, model in found for term in model(arm))
+    return tuple((term.name, term.size, name) for name, term in _terms(arm))
 
 
 def conditions(robot: Robot) -> ca.SX:

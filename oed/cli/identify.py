@@ -1,6 +1,6 @@
 """`touchcal identify`."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from identify.calibration import calibrate
 from identify.ladder import ladder
 from identify.model.calibration import Calibration, summarize, write_calibration
+from identify.model.cell import Cell
 from oed.cli.options import (
     CellFile,
     Json,
@@ -28,6 +29,7 @@ def identify(
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("calibration.json"),
     loss: Literal["huber", "linear", "cauchy"] = "huber",
     priors: bool = True,
+    errors: str = "cell",
     seed: Seed = 0,
     trust_units: TrustUnits = False,
     json: Json = False,
@@ -49,19 +51,39 @@ def identify(
         How touches that disagree are found: huber, cauchy, or linear to use all touches as they are.
     priors
         Use the tolerances of the cell file beside the touches (maximum a posteriori).
+    errors
+        Joint errors beyond geometry: auto lets the touches choose among harmonics, compliance, backlash, coupling, gear
+        and thermal; names, with commas between them, take these; none takes none; cell those of the cell file.
     """
     from identify.model.files import InputError
 
     if not files:
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
-    described = load_cell(cell)
+    described = _with_errors(load_cell(cell), errors)
     measured, inputs = read_measured(files, described, trust_units)
-    found = calibrate(described, *measured, loss=loss, priors=priors, rng=_generator(seed), inputs=inputs)
+    found = calibrate(
+        described, *measured, loss=loss, priors=priors, choose=errors == "auto", rng=_generator(seed), inputs=inputs
+    )
     write_calibration(output, found)
     if json:
         print_json(summary(found))
     else:
         print(story(found, output))
+
+
+def _with_errors(cell: Cell, errors: str) -> Cell:
+    """The cell with the error models that an option names."""
+    from identify.model.errors import ERROR_MODELS
+    from identify.model.files import InputError, nearest
+
+    if errors in {"cell", "auto"}:
+        return cell
+    names = [] if errors == "none" else [name.strip() for name in errors.split(",")]
+    for name in names:
+        if name not in ERROR_MODELS:
+            known = ("auto", "none", "cell", *ERROR_MODELS)
+            raise InputError(f"--errors: no error model '{name}'{nearest(name, known)}; choose of {', '.join(known)}")
+    return replace(cell, robot=replace(cell.robot, errors=tuple(names), error_values=()))
 
 
 def _generator(seed: int) -> Any:
@@ -78,6 +100,9 @@ def summary(c: Calibration) -> dict[str, Any]:
         "eliminated": {name: dict(terms) for name, terms in c.combinations.items()},
         "weak": list(c.weak),
         "outliers": dict(c.outliers),
+        "errors": list(c.cell.robot.errors),
+        "choice": [asdict(term) for term in c.choice],
+        "findings": [asdict(finding) for finding in c.findings],
         "scatter": c.scatter,
         "fit": asdict(c.fit),
         "held_out": None if c.held_out is None else asdict(c.held_out),
@@ -98,7 +123,9 @@ def story(c: Calibration, output: Path) -> str:
         "",
         errors_table({"nominal robot, residuals": before, "fit (no accuracy)": c.fit, "regions held out": c.held_out}),
         "",
+        *_choice(c),
         *_scatter(c),
+        *(f"{finding.kind}: {finding.text}" for finding in c.findings),
         *_listed("left out, they disagree", [f"{name} ({r:+.2f} mm)" for name, r in c.outliers.items()]),
         *_listed("weak, the tolerances tell more", c.weak),
         *_listed("eliminated", [_carried(name, terms) for name, terms in c.combinations.items()]),
@@ -110,6 +137,25 @@ def story(c: Calibration, output: Path) -> str:
         f"wrote {output}; an accuracy comes from touches not used here: touchcal verify {output} FILE",
     ]
     return "\n".join(lines)
+
+
+def _choice(c: Calibration) -> list[str]:
+    """What every error model buys in regions held out, where the touches chose among them."""
+    if not c.choice:
+        return []
+    first = c.choice[0]
+    lines = [
+        f"{'beyond geometry, regions held out':36}{'mean mm':>9}{'buys mm':>9}{'+-':>8}",
+        f"{'  geometry alone':36}{first.held_out_mm + first.gain_mm:9.3f}",
+        *(
+            f"{f'  {term.name}':36}{term.held_out_mm:9.3f}{term.gain_mm:9.4f}{term.standard_error_mm:8.4f}"
+            f"{'  kept' if term.kept else ''}"
+            for term in c.choice
+        ),
+    ]
+    kept = ", ".join(c.cell.robot.errors)
+    told = f"errors: [{kept}] in cell.yaml makes plans see them" if kept else "the touches ask for nothing more"
+    return [*lines, told, ""]
 
 
 def _scatter(c: Calibration) -> list[str]:
