@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.description import library, read_cell
+from identify.model.zone import zone_poses
 from oed.offer import Offer, offer
-from oed.zone import zone_poses
 
 
 @lru_cache(maxsize=1)
