@@ -114,6 +114,15 @@ def test_the_run_on_a_real_robot_gives_what_the_readme_shows(shared_data, tmp_pa
     assert_shown(block("output: irb120").text, said)
 
 
+def test_the_library_is_used_as_the_readme_shows(capsys):
+    for example in (b.text for b in blocks() if b.language == "python"):
+        exec(example, {})
+
+    indices, numbers = capsys.readouterr().out.rsplit("]", 1)
+    assert len(indices.strip("[").split()) == 50
+    assert 0.9 < float(numbers.split()[1]) <= 1
+
+
 def test_no_shell_block_is_left_unrun():
     run_somewhere = {"Run the demo", "Run the tests", "The loop", "Accuracy on a real robot"}
 
