@@ -141,7 +141,7 @@ def campaign(
     _sensible(cell, target_mm, max_touches)
 
     def carefully(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
-        return make_plan(cell, n, rng=rng, after=after, progress=progress).plan
+        return make_plan(cell, n, rng=rng, after=after, lifting=False, progress=progress).plan
 
     loop = _Loop(cell, target_mm, max_touches, rng, touch, keep or Forgetful(), planner or carefully, batch)
     stages = list[Stage]()

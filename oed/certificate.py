@@ -53,8 +53,8 @@ def certify(
 ) -> Certificate:
     """Bound n touches by the tangent at information M0, over the manifold of touches.
 
-    The bound is tight where M0 is nearly the best that there is. Where not all touches on offer are `allowed`, the bound
-    is over those like the allowed ones.
+    The bound is tight where M0 is nearly the best that there is. Where not all touches on offer are `allowed`, it is
+    the bound over those like the allowed ones.
     """
     F, P = offered.rows, offered.known.precision
     C = np.linalg.inv(M0)

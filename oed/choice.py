@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from oed.aim import Aim
-from oed.offer import Offer, plan_of
+from oed.offer import Offer
 from oed.passes import swapped
 from oed.sequence import Order
 from oed.ways import COARSE, astray, like
@@ -42,7 +42,7 @@ def visited(
     allowed = np.ones(len(at), dtype=bool) if allowed is None else allowed
     chosen, best = pick(allowed, None), None
     for attempt in range(TRIES + MENDS):
-        found, clear = offered.ways.order(cell, plan_of(offered.found.take(chosen)), rng, kicks=0)
+        found, clear = offered.visit(offered.found.take(chosen), rng, kicks=0)
         if best is None or len(found.blocked) < len(best.order.blocked):
             best = Visit(replace(found, index=chosen[found.index]), allowed)
         if not found.blocked:

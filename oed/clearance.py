@@ -81,22 +81,23 @@ class Clearance:
         self,
         q: Float[np.ndarray, "postures joints"],
         own: Bool[np.ndarray, "postures obstacles"] | None = None,
-        margin: float = MARGIN,
+        margin: float | Float[np.ndarray, " postures"] = MARGIN,
     ) -> Int[np.ndarray, " postures"]:
         """What a posture comes nearer to than `margin` [mm]: index of an obstacle, their number for the arm, or CLEAR.
 
-        `own` are obstacles that the torch may approach to NEAR, because it touches them.
+        `own` are obstacles that the torch may approach to NEAR, because it touches them. Arm and torch know where they
+        are to each other: there MARGIN is enough, whatever is asked of the way to the jig.
         """
-        hit = np.full(len(q), CLEAR)
+        hit, margin = np.full(len(q), CLEAR), np.broadcast_to(margin, len(q))
         for part in _chunks(len(q)):
             ends = self.ends(q[part])
             for capsule, (start, end) in zip(self.capsules, ends, strict=True):
                 for k, solid in enumerate(self.solids if capsule.link else ()):
                     near = self._torch(capsule) & (False if own is None else own[part, k])
-                    need = capsule.radius + np.where(near, NEAR, margin)
+                    need = capsule.radius + np.where(near, NEAR, margin[part])
                     hit[part][_closer(solid, start, end, need)] = k
             for i, j in self.pairs:
-                hit[part][self._between(ends, i, j) < margin] = len(self.solids)
+                hit[part][self._between(ends, i, j) < np.minimum(margin[part], MARGIN)] = len(self.solids)
         return hit
 
     def _torch(self, capsule: Capsule) -> bool:

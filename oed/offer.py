@@ -1,18 +1,22 @@
 """What a plan is chosen from: all touches that can be made, what each would tell, and the zone where it counts."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
 from oed.candidates import COUNT, STRUCTURED, Candidates, candidates
+from oed.clearance import CLEAR
 from oed.information import Knowledge, knowledge_after, nominal_knowledge, touch_sigma
+from oed.inset import SIGMAS
 from oed.judgement import Judge
+from oed.roadmap import Roadmap, lifts
+from oed.sequence import Order
 from oed.ways import Ways
 from oed.zone import Promise, promise
 
@@ -23,6 +27,7 @@ class Offer:
 
     known: Knowledge
     found: Candidates
+    lifting: bool = field(default=True, kw_only=True)  # whether the robot may pass other postures between touches
 
     @cached_property
     def sigma(self) -> Float[np.ndarray, " touches"]:
@@ -55,8 +60,46 @@ class Offer:
 
     @cached_property
     def ways(self) -> Ways:
-        """Which ways between postures are clear."""
-        return Ways(self.judge.clearance)
+        """Which ways between postures are clear, by as much as the tip may be off."""
+        return Ways(self.judge.clearance, keep=SIGMAS * float(np.nanmax(self.found.margins.deviation)))
+
+    def visit(
+        self,
+        touches: Candidates,
+        rng: np.random.Generator,
+        kicks: int | None = None,
+        *,
+        start: Int[np.ndarray, " touches"] | None = None,
+    ) -> tuple[Order, Bool[np.ndarray, "touches touches"]]:
+        """A short order of touches along clear ways, and which of them have ways to each other."""
+        cell, none = self.known.cell, np.empty((0, touches.q.shape[1]))
+        roadmap = (
+            Roadmap(self.ways, cell, self._lifted(touches), self._home)
+            if self.lifting
+            else (Roadmap(self.ways, cell, none, none))
+        )
+        return roadmap.order(plan_of(touches), rng, kicks, start=start)
+
+    def _lifted(self, touches: Candidates) -> Float[np.ndarray, "lifted joints"]:
+        """Postures above touches, each looked for once."""
+        names = [q.tobytes() for q in touches.approach]
+        new = np.array([i for i, name in enumerate(names) if name not in self._lifts], dtype=int)
+        found = lifts(self.ways, self.known.cell, touches.approach[new], touches.normal[new])
+        self._lifts.update({names[i]: q for i, q in zip(new.tolist(), found, strict=True)})
+        lifted = np.array([self._lifts[name] for name in names])
+        return lifted[~np.isnan(lifted).any(axis=1)]
+
+    @cached_property
+    def _lifts(self) -> dict[bytes, np.ndarray]:
+        """Postures above touches, by their approaches."""
+        return {}
+
+    @cached_property
+    def _home(self) -> Float[np.ndarray, "homes joints"]:
+        """All joints at zero, as far as the limits let them, if nothing is in the way there."""
+        robot = self.known.cell.robot
+        home = np.clip(np.zeros((1, len(robot.joints))), robot.lower, robot.upper)
+        return home[self.judge.clearance.hits(home) == CLEAR]
 
     def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
         """The tip error to expect in the zone after some touches, each made so many `times`."""
@@ -72,6 +115,7 @@ def offer(
     after: Calibration | None = None,
     count: int = COUNT,
     structured: bool = True,
+    lifting: bool = True,
 ) -> Offer:
     """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly."""
     if after is not None:
@@ -79,7 +123,7 @@ def offer(
     known = nominal_knowledge(cell) if after is None else knowledge_after(cell, after)
     share = STRUCTURED if structured else 0.0
     found = candidates(cell, rng, count, theta=known.theta, covariance=known.deviation, structured=share)
-    return Offer(known, found)
+    return Offer(known, found, lifting=lifting)
 
 
 def _placed(cell: Cell, after: Calibration) -> Cell:

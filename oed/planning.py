@@ -14,6 +14,7 @@ from oed.accuracy import curve, smallest
 from oed.criteria import CRITERIA, score
 from oed.information import touch_sigma
 from oed.offer import Offer, offer, plan_of
+from oed.roadmap import with_via
 from oed.sequence import Order
 from oed.strategies import STRATEGIES, Choice, Setting
 from oed.unseen import limiting, unseen
@@ -57,6 +58,7 @@ def plan(
     after: Calibration | None = None,
     robust: int = 0,
     worst: bool = False,
+    lifting: bool = True,
     count: int = COUNT,
     progress: Progress | None = None,
 ) -> PlanResult:
@@ -64,13 +66,14 @@ def plan(
 
     `target` is the 95 % error [mm]. To what an earlier calibration knows (`after`), new touches are added. With
     `robust` robots drawn from what is known, touches are judged by the mean over them, or with `worst` by the least.
-    `count` touches are on offer. The same `rng` gives the same plan. Raises InputError where no plan can be made.
+    Without `lifting` all ways between touches are straight. `count` touches are on offer. The same `rng` gives the
+    same plan. Raises InputError where no plan can be made.
     """
     rng = np.random.default_rng(0) if rng is None else rng
     say = progress or (lambda what, share: None)
     _check(n, target, criterion, strategy)
     say("finding touches that can be made", 0.0)
-    offered = offer(cell, rng, after=after, count=count, structured=strategy == "optimal")
+    offered = offer(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
     setting = Setting(offered, criterion, strategy, rng, robust, worst)
     least = len(offered.known.names) if after is None else 1
     if target is not None:
@@ -127,7 +130,7 @@ def _enough(offered: Offer, n: int, least: int) -> None:
 def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
     """What a chosen set promises."""
     offered, touches = setting.offered, choice.touches
-    made = plan_of(touches)
+    made = with_via(plan_of(touches), choice.order.via)
     rows = offered.known.rows(touches.q, touches.normal, touch_sigma(offered.known.cell, touches.names()))
     return PlanResult(
         plan=made, strategy=setting.strategy, criterion=setting.criterion,

@@ -1,50 +1,51 @@
 """The order of touches: little travel between approaches, on ways that are clear, and the minutes that it takes."""
 
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 
-MOVE_SPEED = 250.0  # [mm/s] of the tip between touches, at the most
-RETRACT_SPEED = 100.0  # [mm/s] of the tip, back from the contact
-SETTLE = 0.4  # [s] for the sensing signal to clear: power sources hold it 0.3 to 0.5 s
+MOVE_SPEED = 500.0  # [mm/s] of the tip between touches, at the most
+RETRACT_SPEED = 250.0  # [mm/s] of the tip, back from the contact
+RAMP = 0.2  # [s] from rest to full joint speed, and back
+SETTLE = 0.5  # [s] to rest on the contact, and for the sensing signal to clear: power sources hold it 0.3 to 0.5 s
 KICKS = 5000  # a tour of 50 places is broken at random and repaired 100 times, one of 100 places 50 times
 DETOUR = 60.0  # [s], what a way that is not clear costs: more than any that is
+BOUND = 1e4  # [s], what binds the beginning of a tour to its end
+SAMPLES = 17  # of a way, for its length
 
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """An order of touches, and what it costs."""
+    """An order of touches, the postures between them, and what it costs."""
 
     index: Int[np.ndarray, " touches"]
+    via: Float[np.ndarray, "touches vias joints"]  # on the way to each touch in this order; NaN where there is none
     minutes: float
     blocked: tuple[int, ...]  # places in the order from which the way to the next touch is not clear
 
 
 def order(
-    cell: Cell,
-    plan: Plan,
-    clear: Bool[np.ndarray, "touches touches"] | None = None,
-    rng: np.random.Generator | None = None,
+    D: Float[np.ndarray, "touches touches"],
+    rng: np.random.Generator,
     *,
+    first: Float[np.ndarray, " touches"] | None = None,
     start: Int[np.ndarray, " touches"] | None = None,
     kicks: int | None = None,
-) -> Order:
-    """Order touches so that the robot travels little between their approach points.
+) -> tuple[Int[np.ndarray, " touches"], Int[np.ndarray, " blocked"]]:
+    """The order that takes the least seconds, and the places in it from which there is no way to the next touch.
 
-    Ways are straight in joint space; those that are not `clear` are taken only where there is no order without them.
-    `start` is an order to begin with, `kicks` how often the search is shaken up.
+    D are the seconds between touches, inf where there is no way: such a step is taken only where there is no order
+    without. `first` are the seconds to each from where the robot stands, `start` is an order to begin with, `kicks` how
+    often the search is shaken up.
     """
-    rng = np.random.default_rng(0) if rng is None else rng
-    D = travel(cell, plan.approach)
-    if clear is not None:
-        D = D + DETOUR * ~(clear | np.eye(len(D), dtype=bool))
-    tour = shortest(D, rng, start, kicks=kicks)
-    blocked = np.flatnonzero(D[tour[:-1], tour[1:]] >= DETOUR)
-    return Order(tour, minutes(cell, plan.take(tour)), tuple(int(i) for i in blocked))
+    cost = np.minimum(D, DETOUR)
+    tour = shortest(cost, rng, start, kicks=kicks, first=None if first is None else np.minimum(first, DETOUR))
+    return tour, np.flatnonzero(cost[tour[:-1], tour[1:]] >= DETOUR)
 
 
 def travel(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray, "poses poses"]:
@@ -55,14 +56,25 @@ def travel(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray
 def minutes(cell: Cell, plan: Plan) -> float:
     """What the touches of a plan take in their order: travel, search, retract and the wait for the signal to clear.
 
-    Without the ramps of acceleration and without the way to the first touch.
+    Without the way to the first touch.
     """
-    start, end = plan.approach[:-1], plan.approach[1:]
-    joints = np.abs((end - start) / cell.robot.speed).max(axis=1, initial=0.0)
-    tip = cell.kinematics.tip(between(start, end, 9).reshape(-1, start.shape[1]), cell.theta)[0].reshape(-1, 9, 3)
-    way = np.linalg.norm(np.diff(tip, axis=1), axis=2).sum(axis=1)
-    each = cell.touch.approach / cell.touch.speed + cell.touch.approach / RETRACT_SPEED + SETTLE
-    return float((np.maximum(joints, way / MOVE_SPEED).sum() + each * len(plan)) / 60)
+    path = np.concatenate([plan.way(i) for i in range(len(plan))])[len(plan.way(0)) - 1 :]
+    travelling = seconds(cell, path[:-1], path[1:], MOVE_SPEED).sum()
+    searching = seconds(cell, plan.approach, plan.q, cell.touch.speed).sum()
+    returning = seconds(cell, plan.q, plan.approach, RETRACT_SPEED).sum()
+    return float((travelling + searching + returning + SETTLE * len(plan)) / 60)
+
+
+def seconds(
+    cell: Cell, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], speed: float
+) -> Float[np.ndarray, " ways"]:
+    """What straight ways in joint space take, from rest to rest, neither joints nor tip [mm/s] too fast."""
+    joints = np.maximum(np.abs((end - start) / cell.robot.speed).max(axis=1, initial=0.0), 1e-9)
+    tip = cell.kinematics.tip(between(start, end, SAMPLES).reshape(-1, start.shape[1]), cell.theta)[0]
+    way = np.linalg.norm(np.diff(tip.reshape(-1, SAMPLES, 3), axis=1), axis=2).sum(axis=1)
+    cruise = np.maximum(joints, way / speed)
+    ramp = RAMP * joints / cruise  # to the speed of the cruise
+    return np.where(ramp <= cruise, cruise + ramp, 2 * np.sqrt(RAMP * joints))
 
 
 def shortest(
@@ -71,32 +83,36 @@ def shortest(
     start: Int[np.ndarray, " places"] | None = None,
     *,
     kicks: int | None = None,
+    first: Float[np.ndarray, " places"] | None = None,
 ) -> Int[np.ndarray, " places"]:
-    """A short open path through all places, wherever it begins and ends; never longer than `start`.
+    """A short open path through all places, never longer than `start`; `first` is what it costs to begin at each.
 
     Nearest neighbour, then 2-opt (Croes 1958) and the moving of segments (Or 1976), then broken at random and repaired
-    (double bridge; Martin, Otto and Felten 1991). An added place at distance 0 from all others closes the tour.
+    (double bridge; Martin, Otto and Felten 1991). An added place at distance 0 from all others closes the tour; where
+    it begins somewhere, that is a place, too, and bound to the added one.
     """
     n = len(D)
+    begin = 0.0 if first is None else first
     if n < 4:
-        return _by_trial(D)
-    closed = np.zeros((n + 1, n + 1))
+        return _by_trial(D, np.zeros(n) + begin)
+    closed = np.zeros((n + 2, n + 2))
     closed[:n, :n] = D
-    starts = [_nearest_neighbour(closed)] + ([] if start is None else [np.append(start, n)])
+    closed[n, :n] = closed[:n, n] = begin
+    closed[n, n + 1] = closed[n + 1, n] = -BOUND
+    starts = [_nearest_neighbour(closed)] + ([] if start is None else [np.array([n + 1, n, *start])])
     best = min((_improved(closed, tour) for tour in starts), key=lambda tour: _length(closed, tour))
     for _ in range(0 if n < 7 else min(100, KICKS // n) if kicks is None else kicks):
         trial = _improved(closed, _kicked(best, rng))
         if _length(closed, trial) < _length(closed, best) - 1e-12:
             best = trial
-    at = int(np.flatnonzero(best == n)[0])
-    return np.roll(best, -at)[1:]
+    path = np.roll(best, -int(np.flatnonzero(best == n + 1)[0]))
+    path = path if path[1] == n else np.roll(path[::-1], 1)
+    return path[2:]
 
 
-def _by_trial(D: Float[np.ndarray, "places places"]) -> Int[np.ndarray, " places"]:
-    from itertools import permutations
-
+def _by_trial(D: Float[np.ndarray, "places places"], first: Float[np.ndarray, " places"]) -> Int[np.ndarray, " places"]:
     paths = [np.array(p, dtype=int) for p in permutations(range(len(D)))]
-    return min(paths, key=lambda p: float(D[p[:-1], p[1:]].sum()))
+    return min(paths, key=lambda p: float(D[p[:-1], p[1:]].sum() + first[p[:1]].sum()))
 
 
 def _length(D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " places"]) -> float:

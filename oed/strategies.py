@@ -14,7 +14,7 @@ from oed.choice import Pick, mean_square, optimal, robust, visited
 from oed.criteria import CRITERIA
 from oed.even import even
 from oed.information import drawn, touch_sigma
-from oed.offer import Offer, plan_of
+from oed.offer import Offer
 from oed.refinement import Refinement, refine, replaced
 from oed.relaxation import ApproximateDesign, approximate_design, phi
 from oed.sequence import Order
@@ -124,10 +124,7 @@ class Setting:
 
     def _ordered(self, touches: Candidates) -> Order:
         """A short order of touches, which are in a good one already."""
-        order, _ = self.offered.ways.order(
-            self.offered.known.cell, plan_of(touches), self.rng, start=np.arange(len(touches))
-        )
-        return order
+        return self.offered.visit(touches, self.rng, start=np.arange(len(touches)))[0]
 
     def _value(self, rows: Float[np.ndarray, "touches kept"]) -> float:
         """Of the criterion, as a logarithm."""

@@ -79,7 +79,7 @@ def plan_warily(
     """A plan for a badly known robot, that begins with a clear way from the last touch of a trail."""
     found = offer(cell, rng, after=after, count=ROUGH)
     for risk in RISKS:
-        offered = WaryOffer(found.known, found.found, risk)
+        offered = WaryOffer(found.known, found.found, risk, lifting=False)
         order = visited(offered, optimal(offered, n, Aim(mean_square(offered.tip))), rng).order
         plan = plan_of(offered.found.take(order.index))
         started = begun(plan, offered.ways, trail)

@@ -1,75 +1,85 @@
-"""The ways between touches: straight in joint space, clear of jig and arm; an order along them; touches off them."""
+"""The ways between touches: straight in joint space, clear of jig and arm, and over lifted postures where they must."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
 from identify.model.descent import LEVER
-from identify.model.touch import Plan
 from oed.clearance import CLEAR, MARGIN, Clearance
 from oed.judgement import WIRE
-from oed.sequence import Order, order
 from oed.torch import STICKOUT
 
 COARSE = 0.2  # [rad] a joint may turn between two postures that are looked at, of ways that could be taken
 FINE = 0.03  # [rad], of ways that are taken: what swings half a metre moves less than a nozzle is thick
+SHARE = 0.8  # of the distance that the nearer end of a way has, which the way keeps where it cannot keep more
 
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """Which straight ways in joint space are clear."""
+    """Which straight ways in joint space are clear, by as much as the tip may be off.
+
+    A way keeps `keep` from the jig, or most of what both its ends have: like the inset, the margin comes from what is
+    known of the robot, and ends where there would be no way left.
+    """
 
     clearance: Clearance
+    keep: float = field(default=0.0, kw_only=True)  # [mm]
 
     def clear(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
     ) -> Bool[np.ndarray, " ways"]:
-        """Ways on which arm and torch keep half the usual margin, and the bare wire, between looks too, its own."""
+        """Ways on which arm and torch keep their margin, and the bare wire, between looks too, its own."""
         ok = np.ones(len(start), dtype=bool)
         owner, q = self._postures(start, end, step)
         if not len(owner):
             return ok
-        ok[owner[self._wire_near(owner, q)]] = False
+        arm, wire = self._margins(start, end)
+        ok[owner[self._wire_near(owner, q, wire)]] = False
         left = np.flatnonzero(ok[owner])
-        ok[owner[left[self.clearance.hits(q[left], margin=MARGIN / 2) != CLEAR]]] = False
+        ok[owner[left[self.clearance.hits(q[left], margin=arm[owner[left]]) != CLEAR]]] = False
         return ok
 
     def among(self, q: Float[np.ndarray, "poses joints"]) -> Bool[np.ndarray, "poses poses"]:
-        """Ways between every two poses that seem clear at a coarse look."""
+        """Ways between every two poses that seem clear at a coarse look; each way is looked at once."""
+        name = [row.tobytes() for row in q]
         a, b = np.triu_indices(len(q), 1)
+        pairs = [(name[i], name[j]) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
+        new = np.array([k for k, pair in enumerate(pairs) if pair not in self._seen], dtype=int)
+        for k, fine in zip(new.tolist(), self.clear(q[a[new]], q[b[new]], COARSE).tolist(), strict=True):
+            self._seen[pairs[k]] = self._seen[pairs[k][::-1]] = fine
         out = np.eye(len(q), dtype=bool)
-        out[a, b] = out[b, a] = self.clear(q[a], q[b], COARSE)
+        out[a, b] = out[b, a] = [self._seen[pair] for pair in pairs]
         return out
 
-    def order(
-        self,
-        cell: Cell,
-        plan: Plan,
-        rng: np.random.Generator,
-        kicks: int | None = None,
-        *,
-        start: Int[np.ndarray, " touches"] | None = None,
-    ) -> tuple[Order, Bool[np.ndarray, "touches touches"]]:
-        """A short order along clear ways, each looked at finely, and which ways were taken for clear.
+    @cached_property
+    def _seen(self) -> dict[tuple[bytes, bytes], bool]:
+        """Ways that were looked at coarsely, by both their ends."""
+        return {}
 
-        Never longer than `start`, nor blocked where that is not.
-        """
-        clear = self.among(plan.approach)
-        sure = np.zeros_like(clear)
-        before = start
-        while True:
-            found = order(cell, plan, clear, rng, start=before, kicks=kicks)
-            before, kicks = found.index if start is None else start, 0
-            a, b = found.index[:-1], found.index[1:]
-            new = np.flatnonzero(clear[a, b] & ~sure[a, b])
-            fine = self.clear(plan.approach[a[new]], plan.approach[b[new]])
-            a, b = a[new], b[new]
-            clear[a, b] = clear[b, a] = fine
-            sure[a, b] = sure[b, a] = True
-            if fine.all():
-                return found, clear
+    def _margins(
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
+    ) -> tuple[Float[np.ndarray, " ways"], Float[np.ndarray, " ways"]]:
+        """What arm and torch, and what the bare wire keep on ways [mm]."""
+        least = MARGIN / 2, WIRE
+        if self.keep <= min(least):
+            return np.full(len(start), least[0]), np.full(len(start), least[1])
+        q, index = np.unique(np.concatenate([start, end]), axis=0, return_inverse=True)
+        gaps = self.clearance.gaps(q)[0], self._wire_gap(q)
+        nearer = [gap[index.ravel()].reshape(2, -1).min(axis=0) for gap in gaps]
+        arm, wire = (
+            np.maximum(np.minimum(SHARE * gap, self.keep), low) for gap, low in zip(nearer, least, strict=True)
+        )
+        return arm, wire
+
+    def _wire_gap(self, q: Float[np.ndarray, "postures joints"]) -> Float[np.ndarray, " postures"]:
+        """Distance of the bare wire from the nearest solid [mm]."""
+        tip, R = self.clearance.cell.kinematics.tip(q, self.clearance.theta)
+        back = (tip - STICKOUT * R[:, :, 2]).T
+        gaps = [solid.segment(tip.T, back) for solid in self.clearance.solids]
+        return np.min(gaps, axis=0) if gaps else np.full(len(q), np.inf)
 
     def _postures(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float
@@ -83,16 +93,19 @@ class Ways:
         return owner, start[owner] + s[:, None] * (end - start)[owner]
 
     def _wire_near(
-        self, owner: Int[np.ndarray, " postures"], q: Float[np.ndarray, "postures joints"]
+        self,
+        owner: Int[np.ndarray, " postures"],
+        q: Float[np.ndarray, "postures joints"],
+        margin: Float[np.ndarray, " ways"],
     ) -> Bool[np.ndarray, " postures"]:
         """Postures from which tip or middle of the bare wire come too near to a solid before the next one."""
         tip, R = self.clearance.cell.kinematics.tip(q, self.clearance.theta)
         near = np.zeros(len(q), dtype=bool)
-        going = owner[1:] == owner[:-1]
+        going, need = owner[1:] == owner[:-1], margin[owner]
         for point in (tip, tip - STICKOUT / 2 * R[:, :, 2]):
             start, end = point[:-1][going].T, point[1:][going].T
             for solid in self.clearance.solids:
-                near[:-1][going] |= solid.segment(start, end) < WIRE
+                near[:-1][going] |= solid.segment(start, end) < need[:-1][going]
         return near
 
 

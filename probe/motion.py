@@ -49,7 +49,7 @@ class Motion:
     ) -> None:
         self.controller, self.session, self.settings, self.tell, self.clock = controller, session, settings, tell, clock
         self.geometry = Geometry(session.cell, settings)
-        self.ways = Ways(self.geometry, list(session.plan.approach))
+        self.ways = Ways(self.geometry, [q for i in range(len(session.plan)) for q in session.plan.way(i)])
         self.here: Joints = np.full(controller.joints, np.nan)  # [rad] or [mm]
         self.boot = ""
 
@@ -185,7 +185,7 @@ class Motion:
 
     def _approach(self, target: Target, name: str) -> None:
         if self._apart(self.here, target.approach):
-            route = self.ways.route(self.here, target.approach)
+            route = self.ways.route(self.here, target.approach, target.via)
             if not route:
                 raise TouchError(
                     f"every way to touch '{name}' leads through the jig from where the robot stands; "

@@ -25,6 +25,7 @@ class Target:
     contact: Float[np.ndarray, " joints"]
     end: Float[np.ndarray, " joints"]  # of the search, where nothing is met
     length: float  # [mm] of the tip's way from approach to end
+    via: Float[np.ndarray, "vias joints"]  # postures that lead to the approach from the touch before
 
 
 class Geometry:
@@ -99,7 +100,8 @@ class Geometry:
         """What is to be done for a touch of a plan."""
         approach, contact = plan.approach[i], plan.q[i]
         end = self.beyond(approach, contact, self.cell.touch.travel)
-        return Target(plan.ids[i], jig.by_name[plan.face[i]], approach, contact, end, self.length(approach, end))
+        face, length = jig.by_name[plan.face[i]], self.length(approach, end)
+        return Target(plan.ids[i], face, approach, contact, end, length, plan.way(i)[:-1])
 
     def fraction(
         self,

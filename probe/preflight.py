@@ -60,9 +60,10 @@ def _settings(settings: Settings) -> Iterator[str]:
 
 
 def _joints(plan: Plan, i: int, cell: Cell) -> Iterator[str]:
-    """Joint limits at approach and contact."""
+    """Joint limits at approach and contact, and on the way there."""
     robot = cell.robot
-    for what, q in (("approach", plan.approach[i]), ("contact", plan.q[i])):
+    via = [("the way", q) for q in plan.way(i)[:-1]]
+    for what, q in (*via, ("approach", plan.approach[i]), ("contact", plan.q[i])):
         for k in np.flatnonzero((q < robot.lower - 1e-9) | (q > robot.upper + 1e-9)).tolist():
             unit, sign = (1.0, "mm") if robot.prismatic[k] else (np.pi / 180, "deg")
             yield (
@@ -100,5 +101,6 @@ def _touch(plan: Plan, i: int, target: Target, geometry: Geometry) -> Iterator[s
 def _moves(targets: list[Target], geometry: Geometry) -> Iterator[str]:
     """The tip must not go through the jig between two approach points."""
     for a, b in pairwise(targets):
-        if geometry.inside(a.approach, b.approach):
+        way = np.vstack([a.approach, b.via, b.approach])
+        if geometry.blocked(way[:-1], way[1:]).any():
             yield f"the way from touch '{a.id}' to '{b.id}' leads the tip through the jig; plan the order again"

@@ -31,11 +31,11 @@ def rehearse(
     geometry = Geometry(cell, settings)
     here = _ready(controller)
     places = [geometry.beyond(t.contact, t.approach, _far(t, geometry)) for t in targets]
-    ways = Ways(geometry, places)
+    ways = Ways(geometry, [q for t, place in zip(targets, places, strict=True) for q in (*t.via, place)])
     tell(Started(len(targets), 0, controller.name))
     for target, place in zip(targets, places, strict=True):
         tell(Touching(target.id, target.face.name, 1))
-        route = ways.route(here, place)
+        route = ways.route(here, place, target.via)
         if not route:
             raise TouchError(f"the way to touch '{target.id}' leads through the jig; jog the robot above the jig first")
         for q in route:

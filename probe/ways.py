@@ -20,12 +20,14 @@ class Ways:
     def __init__(self, geometry: Geometry, stops: Sequence[Joints]) -> None:
         self.geometry = geometry
         self.theta = geometry.cell.theta  # the most probable parameters, as far as touches tell them
-        self._stops = np.stack(stops)  # approach points, in the order of the plan
+        self._stops = np.stack(stops)  # approach points and those on the way to them, in the order of the plan
 
-    def route(self, start: Joints, goal: Joints) -> list[Joints]:
-        """Where to go one after the other; empty where the jig is in the way of everything."""
-        if not self._blocked(start[None], goal[None], NEAR)[0]:
-            return [goal]
+    def route(self, start: Joints, goal: Joints, via: Sequence[Joints] = ()) -> list[Joints]:
+        """Where to go one after the other: as planned, straight or around; empty where the jig is in the way of all."""
+        for planned in ([*via, goal], [goal]):
+            way = np.stack([start, *planned])
+            if not self._blocked(way[:-1], way[1:], NEAR).any():
+                return planned
         for margin in (CLEAR, NEAR):
             if found := self._around(start, goal, margin):
                 return found

@@ -59,7 +59,8 @@ def test_a_plan_stays_within_the_joint_limits(arc_welder, result):
 
 def test_the_tip_stays_out_of_the_jig_on_the_way_from_touch_to_touch(arc_welder, result):
     """Looked at every 2 % of the way, by the boxes of the jig alone."""
-    start, end = result.plan.approach[:-1], result.plan.approach[1:]
+    path = np.concatenate([result.plan.way(i) for i in range(len(result))])
+    start, end = path[:-1], path[1:]
     s = np.linspace(0, 1, 51)[:, None, None]
 
     tip = arc_welder.kinematics.tip((start + s * (end - start)).reshape(-1, start.shape[1]), arc_welder.theta)[0]

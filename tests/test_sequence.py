@@ -1,5 +1,6 @@
 """The order of touches: short, complete, around what is in the way."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,7 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identify.model.touch import Plan
-from oed.sequence import order, shortest, travel
+from oed.roadmap import with_via
+from oed.sequence import minutes, order, seconds, shortest, travel
+from probe.paths import Geometry
+from probe.settings import Settings
+from probe.virtual.motion import straight
 
 
 def shortest_by_dynamic_programming(D):
@@ -63,32 +68,70 @@ def test_the_slowest_joint_sets_the_time(arc_welder):
     assert travel(arc_welder, q)[0, 1] == pytest.approx(0.2)
 
 
-def test_ways_that_are_not_clear_are_avoided(arc_welder, rng):
+def test_ways_that_are_not_clear_are_avoided(rng):
     """Touches left and right of a wall with one door, between touches 0 and 1."""
-    approach = rng.uniform(-0.5, 0.5, (12, 6))
+    places = rng.uniform(-0.5, 0.5, (12, 6))
     side = np.arange(12) % 2
-    approach[:, 0] = np.where(side, 0.4, -0.4)
-
     clear = side[:, None] == side
     clear[0, 1] = clear[1, 0] = True
+    D = np.where(clear, np.abs(places[:, None] - places[None]).max(axis=2), np.inf)
 
-    found = order(arc_welder, plan_of(approach), clear)
+    tour, blocked = order(D, rng)
 
-    crossings = [set(pair) for pair in pairwise(found.index.tolist()) if side[pair[0]] != side[pair[1]]]
+    crossings = [set(pair) for pair in pairwise(tour.tolist()) if side[pair[0]] != side[pair[1]]]
     assert crossings == [{0, 1}]
-    assert found.blocked == ()
+    assert len(blocked) == 0
 
 
-def test_a_way_that_cannot_be_avoided_is_named(arc_welder, rng):
-    found = order(arc_welder, plan_of(rng.uniform(-0.5, 0.5, (5, 6))), np.zeros((5, 5), bool))
+def test_a_way_that_cannot_be_avoided_is_named(rng):
+    D = np.full((5, 5), np.inf)
 
-    assert found.blocked == (0, 1, 2, 3)
+    _, blocked = order(D, rng)
+
+    assert blocked.tolist() == [0, 1, 2, 3]
+
+
+@given(n=st.integers(1, 9), seed=st.integers(0, 1000))
+def test_an_order_begins_near_to_where_the_robot_stands(n, seed):
+    rng = np.random.default_rng(seed)
+    places = np.sort(rng.random(n))  # on a line, and the robot stands at its end
+
+    tour, _ = order(np.abs(places[:, None] - places), rng, first=1.0 - places)
+
+    assert tour.tolist() == list(range(n))[::-1]
+
+
+def test_a_motion_takes_as_long_as_the_virtual_controller_needs_for_it(arc_welder, rng):
+    robot = arc_welder.robot
+    start, end = rng.uniform(robot.lower, robot.upper, (2, 40, 6))
+    end[20:] = start[20:] + 0.01 * (end[20:] - start[20:])  # too short to come to speed
+
+    found = seconds(arc_welder, start, end, 500.0)
+
+    geometry = Geometry(arc_welder, Settings())
+    rates = [geometry.move_rate(a, b, 500.0) for a, b in zip(start, end, strict=True)]
+    ends = [straight(robot, a, b, r, 0.0).end for a, b, r in zip(start, end, rates, strict=True)]
+    np.testing.assert_allclose(found, ends, rtol=0.02)  # ways of the tip are measured with fewer chords
 
 
 def test_the_minutes_count_travel_search_retract_and_the_wait(arc_welder):
+    """Two touches of a second and a half each way, on an axis on which the tip does not move."""
+    approach, contact = np.zeros((2, 2, 6))
+    approach[:, 5], contact[:, 5] = np.radians([[240.0, 480.0], [600.0, 840.0]])
+    plan = replace(plan_of(approach), q=contact)
+
+    found = minutes(arc_welder, plan)
+
+    travelling, there_and_back, waiting = 1.0 + 0.2, 2 * (1.5 + 0.2), 0.5
+    assert 60 * found == pytest.approx(travelling + 2 * (there_and_back + waiting))
+
+
+def test_postures_on_the_way_take_their_time(arc_welder):
     approach = np.zeros((2, 6))
-    approach[1, 5] = np.radians(120)  # half a second at 240 degrees a second; the tip lies on the axis and stays
+    straight_on = minutes(arc_welder, plan_of(approach))
+    via = np.full((2, 1, 6), np.nan)
+    via[1] = [[0, 0, 0, 0, 0, np.radians(240.0)]]
 
-    found = order(arc_welder, plan_of(approach))
+    there_and_back = minutes(arc_welder, with_via(plan_of(approach), via))
 
-    assert 60 * found.minutes == pytest.approx(0.5 + 2 * (25 / 5 + 25 / 100 + 0.4))
+    assert 60 * (there_and_back - straight_on) == pytest.approx(2 * (1.0 + 0.2), abs=1e-3)  # [s]

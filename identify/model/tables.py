@@ -14,6 +14,7 @@ from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
 
 PLANE = ("nx", "ny", "nz", "offset_mm")
+VIAS = 9  # columns of postures on the way that are looked for
 POINT = ("x_mm", "y_mm", "z_mm")
 POSE_COLUMNS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
 
@@ -75,8 +76,11 @@ def is_positions(path: Path) -> bool:
 def read_plan(path: Path, cell: Cell) -> Plan:
     """Read plan.csv; raises InputError with every mistake."""
     robot = cell.robot
+    vias = [joint_columns(robot, f"via{k + 1}_") for k in range(VIAS)]
     sheet = read_sheet(
-        path, ["id", "face", *POINT, *PLANE[:3], *joint_columns(robot), *joint_columns(robot, "approach_")], []
+        path,
+        ["id", "face", *POINT, *PLANE[:3], *joint_columns(robot), *joint_columns(robot, "approach_")],
+        [name for via in vias for name in via],
     )
     face = sheet.text("face")
     for row, name in enumerate(face):
@@ -86,9 +90,25 @@ def read_plan(path: Path, cell: Cell) -> Plan:
     plan = Plan(
         ids=tuple(_ids(sheet)), face=tuple(face), point=_block(sheet, POINT), normal=_block(sheet, PLANE[:3]),
         q=_block(sheet, joint_columns(robot)) * unit, approach=_block(sheet, joint_columns(robot, "approach_")) * unit,
+        via=_vias(sheet, vias) * unit,
     )  # fmt: skip
     sheet.stop()
     return plan
+
+
+def _vias(sheet: Sheet, vias: Sequence[Sequence[str]]) -> Float[np.ndarray, "rows vias joints"]:
+    """Postures on the way, as many as the sheet has columns for; a row gives all joints of one, or none."""
+    here = [names for names in vias if sheet.columns.keys() & set(names)]
+    found = np.stack(
+        [np.column_stack([_optional(sheet, name) for name in names]) for names in here]
+        or [np.empty((len(sheet.lines), 0))],
+        axis=1,
+    )
+    for k, names in enumerate(here):
+        missing = np.isnan(found[:, k])
+        for row in np.flatnonzero(missing.any(axis=1) & ~missing.all(axis=1)):
+            sheet.wrong(int(row), f"{names[0]} to {names[-1]}: some are empty; write all of them, or none")
+    return found if here else np.empty((len(sheet.lines), 0, len(vias[0])))
 
 
 def plan_text(plan: Plan, robot: Robot) -> str:
@@ -96,7 +116,8 @@ def plan_text(plan: Plan, robot: Robot) -> str:
     columns: dict[str, Sequence[str] | np.ndarray] = {"id": plan.ids, "face": plan.face}
     columns |= dict(zip(POINT, plan.point.T.round(6), strict=True))
     columns |= dict(zip(PLANE[:3], plan.normal.T.round(12), strict=True))
-    for prefix, q in (("", plan.q), ("approach_", plan.approach)):
+    vias = [(f"via{k + 1}_", plan.via[:, k]) for k in range(plan.via.shape[1])]
+    for prefix, q in (("", plan.q), ("approach_", plan.approach), *vias):
         columns |= dict(zip(joint_columns(robot, prefix), (q / robot.joint_unit()).T.round(9), strict=True))
     return sheet_text(columns)
 

@@ -1,6 +1,6 @@
 """What was measured: touches on faces, and positions of the tip; columns of equal length."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -67,3 +67,14 @@ class Plan(Table):
     normal: Float[np.ndarray, "touches 3"]
     q: Float[np.ndarray, "touches joints"]  # [rad] or [mm], at contact by the model the plan was made with
     approach: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
+    via: Float[np.ndarray, "touches vias joints"] = field(default_factory=lambda: np.empty((0, 0, 0)))
+    """Postures on the way there from the touch before; rows of NaN fill up where fewer are needed than elsewhere."""
+
+    def __post_init__(self) -> None:
+        if len(self.via) != len(self.q):
+            object.__setattr__(self, "via", np.empty((len(self.q), 0, self.q.shape[1])))
+
+    def way(self, i: int) -> Float[np.ndarray, "postures joints"]:
+        """The postures that lead to touch i, its approach the last."""
+        via = self.via[i]
+        return np.vstack([via[~np.isnan(via).any(axis=1)], self.approach[i : i + 1]])
