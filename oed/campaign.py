@@ -324,5 +324,8 @@ def joined(a: Touches, b: Touches) -> Touches:
     columns: dict[str, Any] = {}
     for name in (f.name for f in fields(Touches)):
         first, second = getattr(a, name), getattr(b, name)
-        columns[name] = np.concatenate([first, second]) if isinstance(first, np.ndarray) else first + second
+        if first is None or second is None:  # not known of all touches
+            columns[name] = None
+        else:
+            columns[name] = np.concatenate([first, second]) if isinstance(first, np.ndarray) else first + second
     return Touches(**columns)

@@ -185,7 +185,7 @@ class Motion:
 
     def _approach(self, target: Target, name: str) -> None:
         if self._apart(self.here, target.approach):
-            route = self.ways.route(self.here, target.approach, target.via)
+            route = self.ways.route(self.here, target.approach, list(target.via))
             if not route:
                 raise TouchError(
                     f"every way to touch '{name}' leads through the jig from where the robot stands; "

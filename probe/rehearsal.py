@@ -35,7 +35,7 @@ def rehearse(
     tell(Started(len(targets), 0, controller.name))
     for target, place in zip(targets, places, strict=True):
         tell(Touching(target.id, target.face.name, 1))
-        route = ways.route(here, place, target.via)
+        route = ways.route(here, place, list(target.via))
         if not route:
             raise TouchError(f"the way to touch '{target.id}' leads through the jig; jog the robot above the jig first")
         for q in route:
