@@ -21,6 +21,8 @@ def calibrate(
     *measured: Touches | Positions,
     loss: str = "huber",
     priors: bool = True,
+    eliminate: bool = True,
+    start: Float[np.ndarray, " parameters"] | None = None,
     folds: int = 5,
     choose: bool = False,
     rng: np.random.Generator | None = None,
@@ -30,17 +32,19 @@ def calibrate(
 
     `loss` is a row of LOSSES; `priors` adds the cell's tolerances to the touches (maximum a posteriori); `folds`
     regions are held out in turn; `choose` adds the joint error models that the data ask for; `inputs` are the hashes of
-    the files. Raises InputError where the touches cannot determine the parameters, and CalibrationFailed where Ipopt
-    does not converge.
+    the files. Without `eliminate` all parameters are estimated, and the tolerances tell apart what touches cannot: what
+    the drawing makes dependent, as parallel axes do, is no longer so on a robot as built, and far off its drawing that
+    is worth a tenth of a millimetre. The search begins at `start`, or at the nominal robot. Raises InputError where the
+    touches cannot determine the parameters, and CalibrationFailed where Ipopt does not converge.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    problem = Problem.pose(cell, rows(cell.wire, measured, cell.robot.temperature), loss, priors)
+    problem = Problem.pose(cell, rows(cell.wire, measured, cell.robot.temperature), loss, priors, eliminate)
     choice: tuple[Term, ...] = ()
     if choose:
         selection = select(problem, rng)
         choice, cell = selection.terms, with_errors(cell, selection.errors)
-        problem = Problem.pose(cell, problem.rows, loss, priors)
-    estimate = problem.estimate()
+        problem = Problem.pose(cell, problem.rows, loss, priors, eliminate)
+    estimate = problem.estimate(start)
     seen = problem.sight(estimate.x, estimate.weight)
     problem.require_rank(estimate.x, estimate.weight, "at the solution")
     held_out = _held_out(problem, estimate, folds, rng)
@@ -110,6 +114,5 @@ def _leave_out(
     for region in np.unique(label):
         out = (label == region) & estimate.used
         weight = np.where(out, 0.0, estimate.weight)
-        enough = np.count_nonzero(weight) >= len(problem.required) and out.any()
-        if enough and problem.geometry(estimate.x, weight).rank == len(problem.required):
+        if out.any() and problem.determined(estimate.x, weight):
             yield out, problem.solve(estimate.x, weight, "linear").x

@@ -175,8 +175,10 @@ class LeastSquares:
             "no_nlp_grad": True,
             "ipopt": {
                 "print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-4, "dual_inf_tol": 1e-4,
-                "nlp_scaling_method": "none",
-        "acceptable_iter": 0, "linear_solver": "mumps", "mu_strategy": "adaptive",
+                # the extent of an upright flat wire end has a kink, at which steps shrink without end: that is an end
+                "acceptable_iter": 5, "acceptable_tol": 0.1, "acceptable_dual_inf_tol": 0.1,
+                "acceptable_obj_change_tol": 1e-6, "nlp_scaling_method": "none",
+                "linear_solver": "mumps", "mu_strategy": "adaptive",
             },
         }  # fmt: skip
         problem: dict[str, Any] = {"x": z, "f": self._parts[0](z)}

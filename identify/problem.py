@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from identify.least_squares import LOSSES, LeastSquares, Objective, Part, Solution
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.identifiability import Identifiability, Sight, sight, still_joints, structure
+from identify.model.identifiability import Identifiability, Sight, everything, sight, still_joints, structure
 from identify.model.measurement import Rows, measurement_model
 from identify.starting import starting_point
 
@@ -43,15 +43,17 @@ class Problem:
     structure: Identifiability
     priors: bool
     loss: str
+    eliminate: bool
 
     @classmethod
-    def pose(cls, cell: Cell, rows: Rows, loss: str, priors: bool) -> "Problem":
+    def pose(cls, cell: Cell, rows: Rows, loss: str, priors: bool, eliminate: bool = True) -> "Problem":
         """The problem of a cell and its rows; raises InputError where these cannot determine the parameters."""
         if loss not in LOSSES:
             raise InputError(f"loss '{loss}' is not known; choose one of {', '.join(LOSSES)}")
         start = starting_point(cell, rows)
-        found = structure(cell, start, still_joints(rows), rows.conditions)
-        problem = cls(cell, rows, start, found, priors, loss)
+        still = still_joints(rows)
+        found = structure(cell, start, still, rows.conditions) if eliminate else everything(cell, priors)
+        problem = cls(cell, rows, start, found, priors, loss, eliminate)
         needed = len(problem.required)
         if len(rows) < needed:
             raise InputError(
@@ -70,7 +72,8 @@ class Problem:
         fitted = np.isinf(self.cell.prior[self.kept])
         self.prior = np.where(fitted | (not self.priors), np.inf, self.cell.scale[self.kept])
         beyond = {name for name, _, _ in self.cell.robot.error_parameters if self.priors}
-        self.required = np.flatnonzero([name not in beyond for name in self.names])  # errors are small, if unseen
+        required = [self.eliminate and name not in beyond for name in self.names]  # the priors hold the others
+        self.required = np.flatnonzero(required)
         self.objective = Objective(self.linearized, self.prior, 1 / self.rows.sigma)
         lower, upper = self._bounds()
         self.solver = LeastSquares(self.objective, np.zeros(len(self.kept)), lower, upper)
@@ -118,12 +121,19 @@ class Problem:
 
     def require_rank(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"], where: str) -> None:
         """Raise InputError, naming what suffers and what to add, where the touches do not determine every parameter."""
-        seen = self.geometry(x, weight)
-        if seen.rank < len(self.required):
+        if not self.determined(x, weight):
+            seen = self.geometry(x, weight)
             raise InputError(
                 f"{where}, {len(self.required) - seen.rank} of {len(self.required)} directions are not seen: "
                 f"{', '.join(seen.lost)} cannot be told apart; {_cure(self.rows)}"
             )
+
+    def determined(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> bool:
+        """Whether rows with these weights determine the parameters that they have to."""
+        needed = len(self.required)
+        if needed == 0:
+            return True
+        return int(np.count_nonzero(weight)) >= needed and self.geometry(x, weight).rank == needed
 
     def precision(
         self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
@@ -143,10 +153,11 @@ class Problem:
             )
         return solution
 
-    def estimate(self) -> Estimate:
+    def estimate(self, start: Float[np.ndarray, " parameters"] | None = None) -> Estimate:
         """Least squares on the touches that agree: a robust fit finds those that do not, and they are left out."""
         weight, used = 1 / self.rows.sigma, np.ones(len(self.rows), dtype=bool)
-        solutions = [self.solve(np.zeros(len(self.kept)), weight, "linear")]
+        x = np.zeros(len(self.kept)) if start is None else (start - self.start)[self.kept]
+        solutions = [self.solve(x, weight, "linear")]
         for _ in range(6 if self.loss != "linear" else 0):
             scale = self._scale(solutions[-1].x, used)
             solutions.append(self.solve(solutions[-1].x, weight / scale, self.loss))

@@ -1,6 +1,6 @@
 """What touches that were made promise of the tip in the weld zone, and what more of them could at best."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -9,9 +9,10 @@ from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.touch import Touches
 from identify.model.zone import zone_poses
-from oed.information import Knowledge, knowledge_after, nominal_knowledge
+from oed.information import Knowledge, knowledge_after, prior_knowledge
 
 ROBOTS = 400  # drawn from what is known
+OFTEN = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0)  # times that the touches made so far may be made
 SHARE = 95.0  # percent of the poses of a robot, and of the robots
 
 
@@ -31,20 +32,23 @@ class Assurance:
 
     @property
     def floor(self) -> float:
-        """What stays however often these touches are made: the faces are where the tolerance of the jig puts them."""
-        return self.promised(np.inf)
+        """What stays however often these touches are made: the faces are where the tolerance of the jig puts them.
+
+        The estimator takes touches for independent, so without end it would rather bend the robot than doubt a face:
+        the least that any number of them promises is meant.
+        """
+        return min(self.promised(times) for times in OFTEN)
 
     def missing(self, target: float) -> float:
         """How many times the touches made so far it takes for a target [mm]; infinite below the floor."""
-        if self.floor >= target:
+        high = next((times for times in OFTEN if self.promised(times) <= target), np.inf)
+        if not np.isfinite(high):
             return np.inf
-        low, high = 0.0, 1.0
-        while self.promised(high) > target:
-            low, high = high, 2 * high
-        for _ in range(8):
+        low = max((times for times in OFTEN if times < high), default=0.0)
+        for _ in range(6):
             middle = (low + high) / 2
             low, high = (middle, high) if self.promised(middle) > target else (low, middle)
-        return high
+        return float(high)
 
 
 def assured(tip: Float[np.ndarray, "poses 3 kept"], covariance: Float[np.ndarray, "kept kept"]) -> float:
@@ -58,9 +62,8 @@ def assured(tip: Float[np.ndarray, "poses 3 kept"], covariance: Float[np.ndarray
 
 def assurance(cell: Cell, calibration: Calibration, touches: Touches) -> Assurance:
     """The assurance of a calibration that was made from some touches on named faces."""
-    known = nominal_knowledge(cell)
+    known = prior_knowledge(cell, calibration)
     if known.names == calibration.estimated:
-        known = replace(known, theta=calibration.theta)
         rows = known.rows(touches.q, touches.normal, touches.sigma)
     else:  # joints that never moved: what is left of the parameters has no prior of its own here
         known, rows = knowledge_after(cell, calibration), np.zeros((0, len(calibration.estimated)))

@@ -1,7 +1,7 @@
 """What touches tell about a robot: rows of the Jacobian in a whitened identifiable basis, and what they add up to."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,8 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import Identifiability, structure
 from identify.model.measurement import MeasurementModel, Rows
+
+LOOSE = 1e-12  # precision of what nothing is known of
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +82,16 @@ class Knowledge:
         With infinitely many only the faces remain.
         """
         tolerance, sigma = face_tolerance(self.cell, faces), touch_sigma(self.cell, faces)
-        own = rows * (self.cell.touch.sigma / sigma)[:, None]
-        shared = np.zeros((len(set(faces)), rows.shape[1]))
-        np.add.at(shared, np.unique(faces, return_inverse=True)[1], rows * (tolerance / sigma)[:, None])
+        belongs = np.unique(faces)[:, None] == np.asarray(faces, dtype=np.str_) if len(rows) else np.zeros((0, 0))
         once = max(1 / times, 1e-9)  # of the precision, beside that of the touches
-        C = np.linalg.inv(once * self.precision + rows.T @ rows)
-        bias = once**2 * self.precision @ self.spread @ self.precision
-        return C @ (once * own.T @ own + shared.T @ shared + bias) @ C
+        L = np.linalg.cholesky(self.precision + LOOSE * np.eye(len(self.precision)))
+        unseen = np.zeros((len(L), len(L)))  # so that there is a direction for every parameter
+        U, s, Vt = np.linalg.svd(np.vstack([np.linalg.solve(L, rows.T).T, unseen]), full_matrices=False)
+        gain = np.linalg.solve(L.T, (Vt.T * (s / (once + s**2))) @ U[: len(rows)].T)  # errors of touches, in sigma
+        held = np.linalg.solve(L.T, (Vt.T * (once / (once + s**2))) @ Vt @ L.T)  # errors that the prior does not see
+        own = gain * np.sqrt(once) * (self.cell.touch.sigma / sigma)
+        shared = (gain * (tolerance / sigma)) @ belongs.T
+        return own @ own.T + shared @ shared.T + held @ self.spread @ held.T
 
 
 def drawn(known: Knowledge, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count parameters"]:
@@ -109,6 +114,15 @@ def nominal_knowledge(cell: Cell) -> Knowledge:
     known = (cell.scale / cell.prior)[list(found.kept)]
     deviation = np.where([name in cell.fixed for name in found.names], 0.0, cell.prior)
     return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found), np.diag(deviation**2))
+
+
+def prior_knowledge(cell: Cell, calibration: Calibration) -> Knowledge:
+    """What drawing and tolerances told before a calibration, in its parameters and seen from what it has found."""
+    nominal = nominal_knowledge(cell)
+    if calibration.combinations:
+        return replace(nominal, theta=calibration.theta)
+    names, kept = calibration.estimated, np.eye(len(calibration.estimated))
+    return replace(nominal, theta=calibration.theta, names=names, precision=kept, spread=kept)
 
 
 def _spread(cell: Cell, found: Identifiability) -> Float[np.ndarray, "kept kept"]:

@@ -287,3 +287,25 @@ def test_a_calibration_is_read_back_as_it_was_written(arc_welder, poses, rng, tm
     assert again.residuals == found.residuals
     assert again.cell.jig is not None
     assert again.combinations["j2.d"] == pytest.approx({"j3.d": 1.0})
+
+
+def test_a_robot_far_off_its_drawing_is_found_where_what_the_drawing_makes_dependent_is_kept(arc_welder, poses):
+    off = {True: [], False: []}
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        truth = arc_welder.theta + arc_welder.prior * rng.standard_normal(len(arc_welder.theta))
+        touches = touches_at(arc_welder, truth, poses[:100], rng, SIGMA)
+        for eliminate, errors in off.items():
+            found = calibrate(arc_welder, touches, eliminate=eliminate, folds=0)
+            errors.append(np.sqrt(np.mean(tip_error(arc_welder, found.theta, truth, poses[200:]) ** 2)))
+
+    assert len(found.estimated) == len(truth)
+    assert max(off[False]) < 0.08
+    assert max(off[True]) > 2 * max(off[False])
+
+
+def test_without_tolerances_dependent_parameters_cannot_all_be_estimated(arc_welder, poses, rng):
+    touches = touches_at(arc_welder, arc_welder.theta, poses[:100], rng, SIGMA)
+
+    with pytest.raises(InputError, match=r"nothing is known of base\.x"):
+        calibrate(arc_welder, touches, eliminate=False, priors=False)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.measurement import Rows, measurement_model, tip_rows
 from identify.model.robot import POSE_NAMES, Robot
 
@@ -79,6 +80,19 @@ def structure(
             for i, terms in sorted(combinations.items())
         },
     )
+
+
+def everything(cell: Cell, priors: bool = True) -> Identifiability:
+    """All parameters that are not fixed; raises InputError where there is no tolerance to hold one of them."""
+    names = cell.robot.parameters
+    kept = tuple(i for i, name in enumerate(names) if name not in cell.fixed)
+    loose = [names[i] for i in kept if not (priors and np.isfinite(cell.prior[i]))]
+    if loose:
+        raise InputError(
+            f"nothing is known of {', '.join(loose[:3])}{' ...' if len(loose) > 3 else ''} before the touches, so not "
+            "all parameters can be estimated; write base and tool into cell.yaml and use its priors, or eliminate"
+        )
+    return Identifiability(names, kept, {})
 
 
 def _conditions(
