@@ -1,7 +1,7 @@
 """Sequential calibration: touch, identify, plan the next touches with what is known, until the promise is good."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,7 +12,7 @@ from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import structure
-from identify.model.touch import HIT, Plan, Touches
+from identify.model.touch import HIT, Plan, Touches, joined
 from oed.assurance import assurance, tip_deviation
 from oed.clearance import Clearance
 from oed.planning import plan as make_plan
@@ -317,15 +317,3 @@ def _named(plan: Plan, before: int) -> Plan:
 def _none(cell: Cell) -> Touches:
     empty: Float[np.ndarray, " touches"] = np.empty(0)
     return Touches((), (), np.empty((0, len(cell.robot.joints))), np.empty((0, 3)), empty, empty, (), empty, (), ())
-
-
-def joined(a: Touches, b: Touches) -> Touches:
-    """The touches of both, in their order."""
-    columns: dict[str, Any] = {}
-    for name in (f.name for f in fields(Touches)):
-        first, second = getattr(a, name), getattr(b, name)
-        if first is None or second is None:  # not known of all touches
-            columns[name] = None
-        else:
-            columns[name] = np.concatenate([first, second]) if isinstance(first, np.ndarray) else first + second
-    return Touches(**columns)

@@ -65,6 +65,16 @@ def read_jig(path: Path) -> Jig:
     return jig_of(file)
 
 
+def named_jig(name: str) -> Path:
+    """The file of a jig or workpiece that a path or library:NAME stands for."""
+    if not name.startswith(LIBRARY):
+        return Path(name)
+    known, short = library("jigs"), name.removeprefix(LIBRARY)
+    if short not in known:
+        raise InputError(f"the library has no jig '{short}'{nearest(short, known)}; it has {', '.join(known)}")
+    return known[short]
+
+
 @contextmanager
 def _collecting(mistakes: list[Mistake]) -> Iterator[None]:
     """Gather the mistakes of one file and go on to the next."""

@@ -1,7 +1,7 @@
 """What was measured: touches on faces, and positions of the tip; columns of equal length."""
 
 from dataclasses import dataclass, field, fields, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -45,6 +45,16 @@ class Touches(Table):
     time: tuple[str, ...]
     note: tuple[str, ...]
     approach: Float[np.ndarray, "touches joints"] | None = None  # [rad] or [mm] where the search began
+
+
+def joined(a: Touches, b: Touches) -> Touches:
+    """The touches of both, in their order; a column that one of them lacks is lacking."""
+    columns: dict[str, Any] = {}
+    for name in (f.name for f in fields(Touches)):
+        first, second = getattr(a, name), getattr(b, name)
+        if first is not None and second is not None:
+            columns[name] = np.concatenate([first, second]) if isinstance(first, np.ndarray) else first + second
+    return Touches(**columns)
 
 
 @dataclass(frozen=True, eq=False)

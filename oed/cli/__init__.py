@@ -23,6 +23,7 @@ COMMANDS = {
     "compensate": "Corrected joints and command poses for wanted tip poses.",
     "fix": "Corrected copies of robot programs.",
     "export": "The calibrated robot for other tools.",
+    "locate": "The pose of a workpiece, from touches on its faces.",
     "report": "One HTML page of a calibration: verdict, maps, 3-D view, parameters.",
     "study": "Answer a question with numbers: strategies, peers, the paper, and more.",
 }

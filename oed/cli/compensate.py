@@ -10,11 +10,11 @@ from identify.compensation import Compensation, Place, remarks
 from identify.compensation import compensate as corrected
 from identify.model.calibration import read_calibration
 from identify.model.entries import POSE_KEYS, POSE_UNIT
-from identify.model.files import InputError, sheet_text, write_text
+from identify.model.files import sheet_text, write_text
 from identify.model.poses import Poses, read_poses
 from identify.model.robot import Robot
 from identify.model.tables import joint_columns
-from oed.cli.options import Json, TrustUnits, print_json
+from oed.cli.options import Json, TrustUnits, numbers, print_json
 
 SHOWN = 10  # targets left alone that are named on the screen
 
@@ -63,7 +63,7 @@ def compensate(
     identified = read_calibration(calibration)
     robot = identified.cell.robot
     wanted = read_poses(poses, trust_units=trust_units)
-    start = None if near is None else _numbers(near, len(robot.joints), "--near") * robot.joint_unit()
+    start = None if near is None else numbers(near, len(robot.joints), "--near") * robot.joint_unit()
     limit = None if max_change_deg is None else float(np.radians(max_change_deg))
     result = corrected(
         identified,
@@ -84,18 +84,7 @@ def compensate(
 def _frame(text: str) -> Place:
     if text in {"jig", "base"}:
         return text  # type: ignore[return-value]
-    return _numbers(text, 6, "--frame, other than jig or base,") * POSE_UNIT
-
-
-def _numbers(text: str, count: int, what: str) -> np.ndarray:
-    """As many numbers as there have to be, parted by commas."""
-    try:
-        values = np.array([float(word) for word in text.split(",")])
-    except ValueError:
-        values = np.array([])
-    if len(values) != count or not np.isfinite(values).all():
-        raise InputError(f"{what} is '{text}', expected {count} numbers parted by commas")
-    return values
+    return numbers(text, 6, "--frame, other than jig or base,") * POSE_UNIT
 
 
 def table(wanted: Poses, result: Compensation, robot: Robot) -> str:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from identify.model.calibration import Calibration, Errors
@@ -58,6 +59,17 @@ def load_cell(path: Path) -> Cell:
     if not path.exists():
         raise InputError(f"{path}: no such file; describe the cell there, or name it with --cell FILE")
     return read_cell(path)
+
+
+def numbers(text: str, count: int, what: str) -> np.ndarray:
+    """As many numbers as there have to be, parted by commas; raises InputError."""
+    try:
+        values = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        values = np.array([])
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(f"{what} is '{text}', expected {count} numbers parted by commas")
+    return values
 
 
 def print_json(summary: Mapping[str, Any]) -> None:

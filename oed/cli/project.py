@@ -17,8 +17,8 @@ from identify.model.cell import Cell
 from identify.model.entries import cell_entry
 from identify.model.files import InputError, Mistake, digest, read_text, write_text
 from identify.model.tables import plan_text, read_plan, read_touches
-from identify.model.touch import HIT, Plan, Touches
-from oed.campaign import Job, joined
+from identify.model.touch import HIT, Plan, Touches, joined
+from oed.campaign import Job
 from oed.cli import sim
 from oed.cli.plan import write_summary
 from probe import Session, Settings, open_controller, run

@@ -1,0 +1,112 @@
+"""`touchcal locate`."""
+
+from dataclasses import replace
+from functools import reduce
+from importlib.metadata import version
+from json import dumps
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from identify.localization import ALARM, Location, corners, said
+from identify.localization import locate as located
+from identify.model.calibration import Calibration, read_calibration
+from identify.model.description import named_jig, read_jig
+from identify.model.entries import POSE_KEYS, POSE_UNIT, pose_entry
+from identify.model.files import InputError, digest, write_text
+from identify.model.frames import pose, transform
+from identify.model.touch import Positions, Touches, joined
+from oed.cli.options import Json, TrustUnits, numbers, print_json, read_measured
+
+ABOUT = ("", "", "", *(f"   about the workpiece's {axis}" for axis in "zyx"))
+TURNS = ("about_x_deg", "about_y_deg", "about_z_deg")
+
+
+def locate(
+    calibration: Path,
+    *touches: Path,
+    workpiece: str,
+    near: str | None = None,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("workpiece.json"),
+    trust_units: TrustUnits = False,
+    json: Json = False,
+) -> None:
+    """The pose of a workpiece in the frame of the robot's base, from touches on its faces.
+
+    The touches name faces of the workpiece; six at least, better nine: touchcal plan --workpiece chooses them. The
+    pose comes with its uncertainty, in which that of the robot is included. Example:
+
+        touchcal locate calibration.json workpiece.csv --workpiece box.yaml -o box.json
+
+    Parameters
+    ----------
+    calibration
+        What touchcal identify wrote.
+    touches
+        touches.csv files.
+    workpiece
+        Its faces, in a file like that of a jig, or library:NAME.
+    near
+        About where it stands in the base frame, x,y,z,rz,ry,rx (mm, degrees), where its faces leave that open.
+    output
+        Where the pose is written.
+    """
+    if not touches:
+        raise InputError("nothing to locate the workpiece by: name a touches.csv with touches on its faces")
+    identified, body = read_calibration(calibration), read_jig(named_jig(workpiece))
+    made, inputs = read_measured(touches, replace(identified.cell, jig=body), trust_units)
+    wanted = None if near is None else numbers(near, 6, "--near") * POSE_UNIT
+    found = located(identified, body, reduce(joined, map(_only_touches, made)), wanted)
+    inputs |= {calibration.name: digest(calibration), workpiece: digest(named_jig(workpiece))}
+    told = summary(identified, found)
+    write_text(output, dumps({"touchcal": version("touchcal"), "inputs": inputs} | told, indent=1) + "\n")
+    if json:
+        print_json(told)
+    else:
+        print(story(found, output))
+
+
+def _only_touches(table: Touches | Positions) -> Touches:
+    if isinstance(table, Positions):
+        raise InputError(
+            f"{table.ids[0]}, ...: positions in the jig frame locate no workpiece; give touches on its faces"
+        )
+    return table
+
+
+def summary(calibration: Calibration, found: Location) -> dict[str, Any]:
+    """What `--json` says, and the file holds."""
+    jig_T_workpiece = transform(calibration.theta[:6]) @ found.base_T_workpiece
+    unit = np.array([1, 1, 1, *[np.pi / 180] * 3])
+    return {
+        "workpiece": found.workpiece.name,
+        "base_T_workpiece": pose_entry(found.pose),
+        "jig_T_workpiece": pose_entry(pose(jig_T_workpiece)),
+        "sigma": dict(zip((*POSE_KEYS[:3], *TURNS), (found.sigma / unit).tolist(), strict=True)),
+        "covariance": (found.covariance / np.outer(unit, unit)).tolist(),
+        "point_rms_mm": float(found.point_sigma(corners(found.workpiece)).max()),
+        "touches": len(found.residuals),
+        "residuals_mm": dict(found.residuals),
+        "chi2": found.chi2,
+        "degrees_of_freedom": found.degrees,
+        "chance": found.chance,
+        "notes": list(found.notes),
+    }
+
+
+def story(found: Location, output: Path) -> str:
+    """The result as a person reads it."""
+    spread = 1.96 * found.sigma[[0, 1, 2, 5, 4, 3]] / POSE_UNIT
+    lines = [f"workpiece '{found.workpiece.name}' in the frame of the base, from {len(found.residuals)} touches", ""]
+    lines += [f"{'':4}{'pose':>12}{'+- (95 %)':>12}"]
+    for key, value, about, give in zip(POSE_KEYS, found.pose / POSE_UNIT, ABOUT, spread, strict=True):
+        name, unit = key.split("_")
+        lines.append(f"{name:4}{value:12.3f}{give:12.3f} {unit}{about}")
+    rms = found.point_sigma(corners(found.workpiece)).max()
+    lines += ["", f"its corners are known to {rms:.3f} mm (RMS, the worst one)"]
+    if found.degrees and found.chance >= ALARM:
+        lines.append(f"residuals are as stated (chi-square {found.chi2:.1f} of {found.degrees})")
+    lines += [f"note: {note}" for note in found.notes]
+    return "\n".join([*lines, f"wrote {output}; programs on it: --frame {said(found.base_T_workpiece)}"])
