@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from identify.model.files import InputError
@@ -23,6 +24,11 @@ class Tls:
     ca_file: str | None = None
     cert: str | None = None
     key: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in (self.ca_file, self.cert, self.key):
+            if name is not None and not Path(name).is_file():
+                raise InputError(f"{name}: no such file; --tls-ca-file, --tls-cert and --tls-key name PEM files")
 
 
 @contextmanager
@@ -83,7 +89,6 @@ def version() -> str:
     """The version of touchcal, and what its studies are made of."""
     import hashlib
     from importlib.metadata import version as installed
-    from pathlib import Path
 
     files = sorted(Path(__file__).parent.glob("*.py"))
     return f"{installed('touchcal')}+{hashlib.sha256(b''.join(f.read_bytes() for f in files)).hexdigest()[:8]}"
