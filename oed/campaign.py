@@ -316,4 +316,5 @@ def _named(plan: Plan, before: int) -> Plan:
 
 def _none(cell: Cell) -> Touches:
     empty: Float[np.ndarray, " touches"] = np.empty(0)
-    return Touches((), (), np.empty((0, len(cell.robot.joints))), np.empty((0, 3)), empty, empty, (), empty, (), ())
+    q: Float[np.ndarray, "touches joints"] = np.empty((0, len(cell.robot.joints)))
+    return Touches((), (), q, np.empty((0, 3)), empty, empty, (), empty, (), (), q)

@@ -203,9 +203,13 @@ class Session:
         note = " ".join(result.note.split())  # one row is one line
         row = Touches(
             (result.id,), (result.face,), result.reading.q[None], none, none[0, :1], none[0, :1], (result.status,),
-            np.array([result.temperature]), (result.time,), (note,),
+            np.array([result.temperature]), (result.time,), (note,), self.plan.approach[[self._place(result.id)]],
         )  # fmt: skip
         return touches_text(row, self.cell.robot).split("\n")[1]
+
+    def _place(self, name: str) -> int:
+        """Where the point of a touch stands in the plan."""
+        return self.plan.ids.index(name.partition(AGAIN)[0])
 
     def _out(self, q: Float[np.ndarray, " joints"]) -> list[float]:
         return (q / self.cell.robot.joint_unit()).round(9).tolist()

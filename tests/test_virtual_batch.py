@@ -6,6 +6,7 @@ from virtual_support import make_plan
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
+from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Plan, Touches
 from probe.virtual.batch import search_end, touch_batch
 from probe.virtual.truth import Truth, draw_truth, read_truth, truth_path, truths, with_effects
@@ -115,3 +116,33 @@ def test_a_truth_of_unknown_parameters_and_faces_is_refused_with_every_mistake(a
 @pytest.mark.parametrize("name", truths())
 def test_every_truth_of_the_library_is_read_for_the_cell_of_its_name(name, arc_welder):
     assert read_truth(truths()[name], arc_welder).name == name
+
+
+@pytest.fixture(scope="module")
+def bending(tmp_path_factory, arc_welder):
+    """A true robot that bends, turns unevenly and grows, where the cell knows of no such thing."""
+    path = tmp_path_factory.mktemp("truth") / "truth.yaml"
+    path.write_text(
+        "errors: [harmonics, compliance, thermal]\n"
+        "parameters: {j2.cos1: 0.05, j3.sag4: 0.2, j2.growth: 30, j4.growth: 30}\n"
+        "effects: {warming: [{touch: 0, temperature_c: 20}, {touch: 60, temperature_c: 40}]}\n"
+    )
+    return read_truth(path, arc_welder)
+
+
+def test_a_robot_may_truly_have_errors_that_its_cell_knows_nothing_of(arc_welder, bending, plan, rng):
+    touches = hits(touch_batch(arc_welder, bending, plan, rng, sigma=0.0))
+
+    geometric = gaps(arc_welder, arc_welder.theta, touches)
+    true = rows(arc_welder.wire, [touches], bending.robot.temperature)
+    assert np.sqrt(np.mean(geometric**2)) > 0.3
+    off = measurement_model(bending.robot).residual(bending.theta, true)
+    assert np.abs(off).max() < 0.01  # [mm]: the directions are recorded, temperatures too
+    assert touches.temperature.max() > 35
+
+
+def test_unknown_errors_of_a_truth_are_answered_with_the_nearest(tmp_path, arc_welder):
+    (tmp_path / "truth.yaml").write_text("errors: [harmonic]\n")
+
+    with pytest.raises(InputError, match="did you mean 'harmonics'"):
+        read_truth(tmp_path / "truth.yaml", arc_welder)

@@ -68,7 +68,7 @@ def _conditions(measured: Touches | Positions, reference: float) -> Float[np.nda
     if isinstance(measured, Positions):
         return np.zeros((3 * len(measured), measured.q.shape[1] + 1))
     step = np.zeros_like(measured.q) if measured.approach is None else measured.q - measured.approach
-    direction = np.where(np.abs(step) > STILL, np.sign(step), 0.0)
+    direction = np.where(np.abs(step) > STILL, np.sign(step), 0.0)  # NaN, not recorded, is not above STILL
     return np.column_stack([direction, np.nan_to_num(measured.temperature - reference)])
 
 

@@ -16,6 +16,7 @@ from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
 PLANE = ("nx", "ny", "nz", "offset_mm")
 VIAS = 9  # columns of postures on the way that are looked for
 POINT = ("x_mm", "y_mm", "z_mm")
+APPROACH = "approach_"  # before the joints from which a touch was searched
 POSE_COLUMNS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
 
 
@@ -26,7 +27,8 @@ def joint_columns(robot: Robot, prefix: str = "") -> list[str]:
 
 def touch_columns(robot: Robot) -> list[str]:
     """The columns of touches.csv, in order."""
-    return ["id", "time", "status", "face", *PLANE, "sigma_mm", *joint_columns(robot), "temperature_c", "note"]
+    measured = ["id", "time", "status", "face", *PLANE, "sigma_mm", *joint_columns(robot), "temperature_c", "note"]
+    return [*measured, *joint_columns(robot, APPROACH)]
 
 
 def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touches:
@@ -45,12 +47,13 @@ def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touche
     face, normal, offset, tolerance = _planes(sheet, cell, trust_units)
     sigma = _sigma(sheet, cell.touch.sigma)
     temperature = _optional(sheet, "temperature_c")
+    approach = np.column_stack([_optional(sheet, name) for name in joint_columns(cell.robot, APPROACH)])
     sheet.stop()
     kept = [i for i, use in zip(ids, hit, strict=True) if use]
     return Touches(
         ids=tuple(kept), face=tuple(face), q=q, normal=normal, offset=offset, sigma=np.hypot(sigma, tolerance),
         status=(HIT,) * len(kept), temperature=temperature, time=tuple(sheet.text("time")),
-        note=tuple(sheet.text("note")),
+        note=tuple(sheet.text("note")), approach=approach * cell.robot.joint_unit(),
     )  # fmt: skip
 
 
@@ -79,7 +82,7 @@ def read_plan(path: Path, cell: Cell) -> Plan:
     vias = [joint_columns(robot, f"via{k + 1}_") for k in range(VIAS)]
     sheet = read_sheet(
         path,
-        ["id", "face", *POINT, *PLANE[:3], *joint_columns(robot), *joint_columns(robot, "approach_")],
+        ["id", "face", *POINT, *PLANE[:3], *joint_columns(robot), *joint_columns(robot, APPROACH)],
         [name for via in vias for name in via],
     )
     face = sheet.text("face")
@@ -89,7 +92,7 @@ def read_plan(path: Path, cell: Cell) -> Plan:
     unit = robot.joint_unit()
     plan = Plan(
         ids=tuple(_ids(sheet)), face=tuple(face), point=_block(sheet, POINT), normal=_block(sheet, PLANE[:3]),
-        q=_block(sheet, joint_columns(robot)) * unit, approach=_block(sheet, joint_columns(robot, "approach_")) * unit,
+        q=_block(sheet, joint_columns(robot)) * unit, approach=_block(sheet, joint_columns(robot, APPROACH)) * unit,
         via=_vias(sheet, vias) * unit,
     )  # fmt: skip
     sheet.stop()
@@ -117,7 +120,7 @@ def plan_text(plan: Plan, robot: Robot) -> str:
     columns |= dict(zip(POINT, plan.point.T.round(6), strict=True))
     columns |= dict(zip(PLANE[:3], plan.normal.T.round(12), strict=True))
     vias = [(f"via{k + 1}_", plan.via[:, k]) for k in range(plan.via.shape[1])]
-    for prefix, q in (("", plan.q), ("approach_", plan.approach), *vias):
+    for prefix, q in (("", plan.q), (APPROACH, plan.approach), *vias):
         columns |= dict(zip(joint_columns(robot, prefix), (q / robot.joint_unit()).T.round(9), strict=True))
     return sheet_text(columns)
 
@@ -140,6 +143,8 @@ def touches_text(touches: Touches, robot: Robot, jig: Jig | None = None) -> str:
     columns["sigma_mm"] = np.sqrt(own, where=own > 0, out=np.full(len(touches), np.nan))
     columns |= dict(zip(joint_columns(robot), (touches.q / robot.joint_unit()).T.round(9), strict=True))
     columns |= {"temperature_c": touches.temperature, "note": touches.note}
+    begun = np.full_like(touches.q, np.nan) if touches.approach is None else touches.approach
+    columns |= dict(zip(joint_columns(robot, APPROACH), (begun / robot.joint_unit()).T.round(9), strict=True))
     return sheet_text(columns)
 
 

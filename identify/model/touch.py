@@ -44,7 +44,7 @@ class Touches(Table):
     temperature: Float[np.ndarray, " touches"]  # [degC], NaN where not read
     time: tuple[str, ...]
     note: tuple[str, ...]
-    approach: Float[np.ndarray, "touches joints"] | None = None  # [rad] or [mm] where the search began
+    approach: Float[np.ndarray, "touches joints"] | None = None  # [rad] or [mm] where the search began; NaN: not known
 
 
 def joined(a: Touches, b: Touches) -> Touches:

@@ -65,7 +65,7 @@ class Arm:
         if cell.jig is None:
             raise ValueError("a virtual cell needs a jig to touch; name one in cell.yaml (jig: library:step-block)")
         self.cell, self.truth, self.rng = cell, truth, rng
-        self.kinematics = Kinematics(cell.robot)  # of its own: it may live in a thread of its own
+        self.kinematics = Kinematics(truth.robot or cell.robot)  # of its own: it may live in a thread of its own
         self.surface = surfaces(cell.jig, cell.wire, truth.faces)
         self.sigma = cell.touch.sigma if truth.effects.sigma is None else truth.effects.sigma
         self.noise = joint_spread(cell, truth.effects.joint_noise)

@@ -44,14 +44,14 @@ def touch_batch(
     shift = sigma * rng.standard_normal(count)
     paths = _true_paths(cell, truth, plan.approach, end, rng)
     intervals = int(np.ceil(1.25 * cell.touch.travel / INTERVAL))
-    fraction, met, early = first_contact(cell.kinematics, surface, paths, shift, intervals)
+    fraction, met, early = first_contact(truth.kinematics(cell), surface, paths, shift, intervals)
     latch = np.where(early, 0.0, fraction)
     if timing:
         latch = np.where(early, 0.0, _late(cell, truth, paths, fraction, rng))
     found = (met != NO_FACE) & (latch < 1) & ~early
     latch = np.where(found | early, latch, 1.0)
     q = plan.approach + latch[:, None] * (end - plan.approach)
-    return _touches(cell, plan, q, np.array([*surface.names, ""])[np.where(found, met, NO_FACE)], found, early)
+    return _touches(cell, truth, plan, q, np.array([*surface.names, ""])[np.where(found, met, NO_FACE)], found, early)
 
 
 def joint_spread(cell: Cell, by_kind: tuple[float, float]) -> Float[np.ndarray, " joints"]:
@@ -66,8 +66,10 @@ def _true_paths(cell: Cell, truth: Truth, start: np.ndarray, end: np.ndarray, rn
     off = noise * rng.standard_normal(start.shape) if noise.any() else np.zeros_like(start)
     held = start + off - np.sign(end - start) * play if play.any() else None
     changes = np.unique([touch for touch, _ in truth.effects.wire])
+    if truth.effects.warming:
+        changes = np.arange(1, len(start))
     stage = np.searchsorted(changes, np.arange(len(start)), side="right")
-    theta = np.array([truth.theta, *(truth.after(int(touch)) for touch in changes)])[stage]
+    theta = np.array([truth.after(0), *(truth.after(int(touch)) for touch in changes)])[stage]
     return Paths(start + off, end + off, theta, held, play)
 
 
@@ -77,14 +79,14 @@ def _late(
     """Fractions at the latch: the relay's delay after the contact, and then the next servo step."""
     at = np.where(np.isfinite(fraction), fraction, 0.5)
     rows, small = np.arange(len(at)), 1e-4
-    before, after = (paths.tips(cell.kinematics, rows, at + d)[0] for d in (-small, small))
+    before, after = (paths.tips(truth.kinematics(cell), rows, at + d)[0] for d in (-small, small))
     per_fraction = np.linalg.norm(after - before, axis=1) / (2 * small)  # [mm] of tip for the whole path
     wait = truth.effects.relay_delay + truth.effects.servo * rng.uniform(size=len(at))
     return fraction + wait * cell.touch.speed / np.maximum(per_fraction, 1e-9)
 
 
 def _touches(
-    cell: Cell, plan: Plan, q: Float[np.ndarray, "touches joints"], met: np.ndarray,
+    cell: Cell, truth: Truth, plan: Plan, q: Float[np.ndarray, "touches joints"], met: np.ndarray,
     found: Bool[np.ndarray, " touches"], early: Bool[np.ndarray, " touches"],
 ) -> Touches:  # fmt: skip
     assert cell.jig is not None
@@ -100,5 +102,6 @@ def _touches(
         offset=np.array([f.offset for f in known])[where],
         sigma=np.hypot(cell.touch.sigma, np.array([f.tolerance for f in known])[where]),
         status=tuple(np.where(early, "early", np.where(hit, HIT, "miss")).tolist()),
-        temperature=np.full(len(plan), np.nan), time=("",) * len(plan), note=tuple(note.tolist()),
+        temperature=truth.temperature(np.arange(len(plan))), time=("",) * len(plan), note=tuple(note.tolist()),
+        approach=plan.approach,
     )  # fmt: skip
