@@ -15,8 +15,10 @@ from probe.preflight import validate
 from probe.records import AGAIN, Reading, Result
 from probe.session import Session
 from probe.settings import Settings
+from probe.ways import Joints
 
 USUAL = Settings()
+WORTH = 5.0  # [mm] of a search that a motion of its own may save
 
 
 def run(
@@ -124,7 +126,7 @@ class Execution:
         while failure.again and attempt <= self.settings.retries and (failure.status, attempt) != ("early", 2):
             attempt += 1
             self.tell(Touching(name, target.face.name, attempt))
-            found = self.motion.attempt(target, name)
+            found = self.motion.attempt(target, name, self._near(target) if attempt == 1 else None)
             if isinstance(found, Measured):
                 surprise = self._judge(found, target)
                 twin = any(self._alike(found, other, target) for other in suspects)
@@ -192,6 +194,15 @@ class Execution:
     def _learn(self, reading: Reading, target: Target) -> None:
         self.predictor.learn(reading.q, target.face)
         self.motion.ways.theta = self.predictor.theta
+
+    def _near(self, target: Target) -> Joints | None:
+        """How far the robot may go before it searches, by what is known; nothing where that is not worth a motion."""
+        fraction, sigma = self.predictor.first_contact(target.approach, target.end, target.face)
+        tips = self.motion.geometry.tip(np.stack([target.approach, target.end]))
+        depth = float(target.face.normal @ (tips[0] - tips[1]))  # [mm] of the whole search, along the normal
+        fraction -= (5 * sigma + self.settings.disagreement + self.settings.near) / max(depth, 1e-9)
+        worth = fraction * target.length > WORTH
+        return target.approach + fraction * (target.end - target.approach) if worth else None
 
     def _judge(self, found: Measured, target: Target) -> Surprise:
         return self.predictor.judge(found.reading.q, target.face)

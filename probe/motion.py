@@ -80,20 +80,25 @@ class Motion:
         self.retreat()
         return known, picked_up
 
-    def attempt(self, target: Target, name: str) -> Measured | Failed:
+    def attempt(self, target: Target, name: str, near: Joints | None = None) -> Measured | Failed:
         """Approach, search, retract and verify, once; the robot stands at a safe place afterwards.
 
-        Raises LinkLost, Rebooted, and TouchError where it cannot get there or the input stays closed.
+        The search begins `near` the contact, where that is given. Raises LinkLost, Rebooted, and TouchError where it
+        cannot get there or the input stays closed.
         """
+        back = target.approach
         try:
             self._approach(target, name)
+            if near is not None:
+                self._move(near, name, "move", back, self.settings.near_speed)
+                target = self._from(near, target)
             if self.settings.fast_speed is None:
-                return self._search(target, name, target.approach)
-            quick = self._seek(target, name, "fast", self.settings.fast_speed, target.approach)
+                return self._search(target, name, back)
+            quick = self._seek(target, name, "fast", self.settings.fast_speed, back)
             if isinstance(quick, Failed):
                 return quick
             fast = self._reading(quick, target, self.settings.fast_speed)
-            slow = self._search(self._backed_off(quick, target, name), name, target.approach)
+            slow = self._search(self._backed_off(quick, target, name, back), name, back)
             return replace(slow, fast=fast) if isinstance(slow, Measured) else slow
         except Refused as refusal:
             if refusal.code in HOPELESS:
@@ -229,13 +234,17 @@ class Motion:
             self.clock.sleep(REST / 10)
         return closed
 
-    def _backed_off(self, quick: Contact, target: Target, name: str) -> Target:
+    def _backed_off(self, quick: Contact, target: Target, name: str, back: Joints) -> Target:
         """Stand a little before a contact: where the slow search begins."""
         at, _ = self.geometry.fraction(quick.q, target.approach, target.end)
         at = max(at - self.settings.back_off / target.length, 0.0)
         start = target.approach + at * (target.end - target.approach)
-        self._move(start, name, "retract", target.approach, self.settings.retract_speed)
+        self._move(start, name, "retract", back, self.settings.retract_speed)
         self._await_open()
+        return self._from(start, target)
+
+    def _from(self, start: Joints, target: Target) -> Target:
+        """The same search from a later start."""
         return replace(target, approach=start, length=self.geometry.length(start, target.end))
 
     def _await_open(self) -> None:

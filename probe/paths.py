@@ -127,12 +127,24 @@ class Geometry:
         margin: float = 0.0,
         theta: Float[np.ndarray, " parameters"] | None = None,
     ) -> Bool[np.ndarray, " ways"]:
-        """Straight joint paths on which the tip comes within a margin [mm] of a solid box of the jig."""
+        """Straight joint paths on which the tip comes within a margin [mm] of a solid box of the jig.
+
+        But for where a path begins and ends: it may lead away from the jig, and up to it.
+        """
         s = np.linspace(0.0, 1.0, SAMPLES)[None, :, None]
         q = (start[:, None] + s * (end - start)[:, None]).reshape(-1, start.shape[1])
         tip = self.cell.kinematics.tip(q, self.cell.theta if theta is None else theta)[0]
+        return _amidst(self._near(tip, margin)) | _amidst(self._near(tip, 0.0))
+
+    def _near(self, tip: Float[np.ndarray, "points 3"], margin: float) -> Bool[np.ndarray, "ways samples"]:
         boxes = () if self.cell.jig is None else self.cell.jig.boxes
         near = np.zeros(len(tip), dtype=bool)
         for box in boxes:
             near |= ((tip > np.array(box.lower) - margin) & (tip < np.array(box.upper) + margin)).all(axis=1)
-        return np.asarray(near.reshape(-1, SAMPLES).any(axis=1))
+        return near.reshape(-1, SAMPLES)
+
+
+def _amidst(near: Bool[np.ndarray, "ways samples"]) -> Bool[np.ndarray, " ways"]:
+    """Whether anything is true but an unbroken run from the first sample on, and one up to the last."""
+    first, last = np.logical_and.accumulate(near, axis=1), np.logical_and.accumulate(near[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray((near & ~first & ~last).any(axis=1))

@@ -11,6 +11,7 @@ from identify.model.measurement import MeasurementModel, Rows
 
 UNKNOWN = 1e3  # a base or a tool to be fitted may be anywhere: so many times the usual prior
 BLOCK = 32  # touches: CasADi compiles a map for each number of rows
+LOOKS = 16  # at a search, between which distances are taken for straight
 STEPS = 3  # of Gauss and Newton after each touch; the last estimate is close already
 
 
@@ -48,6 +49,20 @@ class Predictor:
         variance = float(J[0] @ self._covariance @ J[0] + rows.sigma[0] ** 2)
         nominal = self._model.residual(self.cell.theta, rows)
         return Surprise(float(nominal[0]), float(r[0]), float(np.sqrt(variance)))
+
+    def first_contact(
+        self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"], face: Face
+    ) -> tuple[float, float]:
+        """The fraction of a search at which it should meet a face, NaN if never, and 1 sigma along the normal [mm]."""
+        s = np.linspace(0.0, 1.0, LOOKS)
+        q = start + s[:, None] * (end - start)
+        r = self._model.residual(self.theta, self._stack([(each, face) for each in q]))
+        inside = np.flatnonzero(r <= 0)
+        if not len(inside) or inside[0] == 0:
+            return np.nan, np.nan
+        i = int(inside[0])
+        fraction = float(s[i - 1] + (s[i] - s[i - 1]) * r[i - 1] / (r[i - 1] - r[i]))
+        return fraction, self.judge(start + fraction * (end - start), face).expected
 
     def learn(self, q: Float[np.ndarray, " joints"], face: Face) -> None:
         """Take a touch as true."""

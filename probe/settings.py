@@ -14,6 +14,8 @@ class Settings:
     retract_speed: float = 250.0  # [mm/s] of the tip, straight back from the contact
     search_speed: float | None = None  # [mm/s]; None: what the cell says
     fast_speed: float | None = None  # [mm/s] of a first, quick search before the one that counts; None: without
+    near: float = 2.0  # [mm] beyond what the prediction may be wrong by, from where on the tip searches
+    near_speed: float = 100.0  # [mm/s] of the tip from the approach to there
     back_off: float = 3.0  # [mm] from the quick contact to where the slow search begins
     retries: int = 2  # of one touch
     misses: int = 3  # touches in a row without a hit that end the run

@@ -322,10 +322,14 @@ def check_nothing_lost(path: Path, cell: Cell, plan: Plan, served: VirtualCell) 
 
 
 def check_only_back(cell: Cell, plan: Plan, served: VirtualCell) -> None:
-    """After a search, or a move that was cut short, the next motion leads back to an approach, its own where it has."""
+    """After a search, or a move that was cut short, the next motion leads back to an approach, its own where it has.
+
+    Only who has arrived at an approach goes on: to another one, down its own line, or into a search.
+    """
     geometry = Geometry(cell, USUAL)
     assert cell.jig is not None
     ends = np.array([geometry.target(plan, i, cell.jig).end for i in range(len(plan))])
+    here = plan.approach[0]
     for before, after in pairwise(served.robot.executed):
         if before.kind == "SEARCH":
             i = int(np.abs(ends - before.q).max(axis=1).argmin())
@@ -333,5 +337,13 @@ def check_only_back(cell: Cell, plan: Plan, served: VirtualCell) -> None:
             assert np.abs(after.q - plan.approach[i]).max() < 1e-6
         else:
             arrived = np.abs(before.outcome.stop - before.q).max() < np.radians(0.02)
-            goals = [ends, plan.approach] if arrived else [plan.approach]
-            assert min(np.abs(goal - after.q).max(axis=1).min() for goal in goals) < 1e-6
+            here = before.q if arrived else here
+            lines = list(zip(plan.approach, ends, strict=True))
+            goes_back = np.abs(plan.approach - after.q).max(axis=1).min() < 1e-6
+            goes_down = any(on(geometry, here, line) and on(geometry, after.q, line) for line in lines)
+            assert goes_back or (arrived and goes_down)
+
+
+def on(geometry: Geometry, q: np.ndarray, line: tuple[np.ndarray, np.ndarray]) -> bool:
+    at, off = geometry.fraction(q, *line)
+    return -1e-6 <= at <= 1 + 1e-6 and off < 1e-6

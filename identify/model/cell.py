@@ -60,6 +60,7 @@ class Controller:
     port: str = "sim"
     protocol: str = "line"
     baud: int = 115200
+    axis_unit_deg: float = 1.0  # what one unit of a turning axis means to a GRBL
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Between what files hold, in millimetres and degrees, and what it describes; both ways."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -142,7 +142,7 @@ def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[
         zone=None if zone is None else Zone(np.array(zone.box_mm), zone.max_tilt_deg * DEG),
         priors=Priors((priors.base_mm, priors.base_deg * DEG), (priors.tool_mm, priors.tool_deg * DEG),
                       (priors.length_mm, priors.angle_deg * DEG), priors.errors),
-        controller=Controller(file.controller.port, file.controller.protocol, file.controller.baud),
+        controller=Controller(**file.controller.model_dump()),
         fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
         sources=sources,
     )  # fmt: skip
@@ -168,9 +168,7 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
             "tool_deg": priors.tool[1] / DEG, "length_mm": priors.link[0], "angle_deg": priors.link[1] / DEG,
             "errors": dict(priors.errors),
         },
-        "controller": {
-            "port": cell.controller.port, "protocol": cell.controller.protocol, "baud": cell.controller.baud,
-        },
+        "controller": asdict(cell.controller),
         "fixed": sorted(cell.fixed),
         "bounds": {name: [lo / unit[name], hi / unit[name]] for name, (lo, hi) in cell.bounds.items()},
     }  # fmt: skip

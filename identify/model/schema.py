@@ -154,6 +154,7 @@ class ControllerEntry(Strict):
     port: str = "sim"
     protocol: str = "line"
     baud: Annotated[int, Field(gt=0)] = 115200
+    axis_unit_deg: Positive = 1.0
 
 
 class UrdfEntry(Strict):

@@ -16,7 +16,7 @@ from oed.campaign import campaign as make
 from oed.cli.live import Screen
 from oed.cli.options import CellFile, Json, Seed, load_cell, print_json, progress
 from oed.cli.project import Folder, over_port, standing
-from oed.cli.sim import SIM, simulated
+from oed.cli.sim import SIM, line_options, simulated
 from probe import Settings
 from probe.clock import Clock
 from probe.lock import Lock
@@ -74,7 +74,7 @@ def campaign(
             settings,
             Clock(),
             screen.tell,
-            baud=described.controller.baud,
+            **line_options(described.controller, spoken),
         )
         with progress(not json) as say:
             done = make(

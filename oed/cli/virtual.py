@@ -48,6 +48,7 @@ def virtual(
         run(
             described, known, lambda url: print(url, flush=True),
             protocol=protocol, port=port, faults=fault, seed=seed, speed=speed,
+            axis_unit_deg=described.controller.axis_unit_deg,
         )  # fmt: skip
     except ValueError as error:
         raise InputError(str(error)) from None

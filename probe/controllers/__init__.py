@@ -2,6 +2,7 @@
 
 import re
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -27,15 +28,17 @@ ENOUGH = 4096  # bytes to recognise a voice by
 class _Overheard:
     """A transport that keeps the first bytes it hears."""
 
-    def __init__(self, inner: Transport) -> None:
-        self.url, self.heard, self._inner = inner.url, b"", inner
+    def __init__(self, inner: Transport, expected: str) -> None:
+        self.url, self.heard, self.expected, self._inner = inner.url, b"", expected, inner
         self.write, self.reopen, self.close = inner.write, inner.reopen, inner.close
 
     def read(self, timeout: float) -> bytes:
-        """As the transport does."""
+        """As the transport does; raises LinkLost as soon as somebody else than expected is heard."""
         data = self._inner.read(timeout)
-        if len(self.heard) < ENOUGH:
+        if self.expected and data and len(self.heard) < ENOUGH:
             self.heard += data
+            if recognised(self.heard) not in ("", self.expected):
+                raise LinkLost("somebody else answers")
         return data
 
 
@@ -63,10 +66,16 @@ def open_controller(
     clock = clock or Clock()
     module, _, name = PROTOCOLS[protocol].partition(":")
     backend = getattr(import_module(module), name)
-    transport = _Overheard(open_port(port, baud, clock, transcript))
+    for option in options:
+        if option not in signature(backend).parameters:
+            raise InputError(
+                f"protocol '{protocol}' has no option '{option}'; leave it out, or choose another protocol"
+            )
+    transport = _Overheard(open_port(port, baud, clock, transcript), protocol)
     try:
         controller = backend(transport, robot, clock, **options)
         controller.connect()
+        transport.expected = ""
     except TouchError as error:
         transport.close()
         raise InputError(_why_not(port, protocol, baud, transport.heard, error)) from None
