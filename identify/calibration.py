@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.diagnosis import diagnose
 from identify.model.calibration import Calibration, Residual, Term, fingerprints, summarize
 from identify.model.cell import Cell
 from identify.model.measurement import Rows, rows
@@ -44,6 +45,7 @@ def calibrate(
         selection = select(problem, rng)
         choice, cell = selection.terms, with_errors(cell, selection.errors)
         problem = Problem.pose(cell, problem.rows, loss, priors, eliminate)
+        start = start if not selection.errors else None  # of another robot
     estimate = problem.estimate(start)
     seen = problem.sight(estimate.x, estimate.weight)
     problem.require_rank(estimate.x, estimate.weight, "at the solution")
@@ -72,6 +74,7 @@ def calibrate(
         iterations=estimate.iterations,
         solve_s=estimate.seconds,
         choice=choice,
+        findings=diagnose(problem, estimate, measured),
         inputs=dict(inputs or {}),
     )
 

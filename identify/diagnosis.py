@@ -1,0 +1,258 @@
+"""What residuals give away: joints read too early, drift, a wire cut between touches, one bad joint; with the evidence.
+
+Every suspicion is a column that the model does not have. It is held against the residuals with all that parameters and
+priors explain taken out of it (a score test, Rao 1948), so a suspicion that the parameters could carry is no evidence.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from statistics import NormalDist
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.calibration import Finding
+from identify.model.touch import Positions, Touches
+from identify.problem import Estimate, Problem
+
+SURE = 1e-5  # chance that touches without fault are accused of one
+SHARE = 0.2  # of the residuals' squares that one joint explains, to be called bad
+TWICE = 2.0  # as much as any other joint does
+MANY = 0.05  # of the touches left out: then the fault may be among them
+LIMIT = 4  # changes in time that are told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Residuals at a solution, in units of their scatter, and an orthonormal basis of what the model explains."""
+
+    r: Float[np.ndarray, " rows"]
+    Q: Float[np.ndarray, "rows columns"]
+    unit: Float[np.ndarray, " rows"]  # one over the scatter of a row [1/mm]
+
+    def without(self, columns: Float[np.ndarray, "rows more"]) -> "Residuals":
+        """The same with these columns in the model."""
+        B = columns * self.unit[:, None]
+        rest = B - self.Q @ (self.Q.T @ B)
+        size = np.linalg.norm(B, axis=0)
+        new, R = np.linalg.qr(rest[:, size > 0] / size[size > 0])
+        new = new[:, np.abs(np.diag(R)) > 1e-6]
+        return Residuals(self.r - new @ (new.T @ self.r), np.hstack([self.Q, new]), self.unit)
+
+    def explained(self, columns: Float[np.ndarray, "rows more"]) -> tuple[float, int]:
+        """Sum of squares that columns explain beyond the model, and how many of them are new."""
+        after = self.without(columns)
+        return float(self.r @ self.r - after.r @ after.r), after.Q.shape[1] - self.Q.shape[1]
+
+    def fit(self, columns: Float[np.ndarray, "rows more"]) -> Float[np.ndarray, " more"]:
+        """How much of each of some columns together the residuals hold."""
+        B = columns * self.unit[:, None]
+        return np.asarray(np.linalg.lstsq(B - self.Q @ (self.Q.T @ B), self.r, rcond=1e-6)[0])
+
+    def amount(self, column: Float[np.ndarray, " rows"]) -> tuple[float, float]:
+        """How much of a column the residuals hold, and how many standard deviations that is from nothing."""
+        b = column * self.unit
+        rest = b - self.Q @ (self.Q.T @ b)
+        size = float(rest @ rest)
+        if size < 1e-9 * max(float(b @ b), 1e-300):
+            return 0.0, 0.0
+        return float(rest @ self.r) / size, float(rest @ self.r) / np.sqrt(size)
+
+
+_Change = tuple[float, np.ndarray, Finding]  # how much it explains, by which columns, and in words
+
+
+def diagnose(problem: Problem, estimate: Estimate, measured: Sequence[Touches | Positions]) -> tuple[Finding, ...]:
+    """What is wrong with touches or robot, as far as residuals tell."""
+    case = _Case(problem, estimate, measured)
+    residuals, changes = _changes(case)
+    return (*changes, *_unsettled(case), *_joint(case, residuals), *_outliers(case))
+
+
+class _Case:
+    """Residuals of a calibration, and what the suspicions are made of."""
+
+    def __init__(self, problem: Problem, estimate: Estimate, measured: Sequence[Touches | Positions]) -> None:
+        self.problem, self.estimate, self.measured = problem, estimate, measured
+        self.theta = problem.theta(estimate.x)
+        self.rows, self.robot = problem.rows, problem.cell.robot
+        kinematics, q = problem.cell.kinematics, self.rows.q
+        _, R, J = kinematics.pose_jacobian(q, self.theta)
+        self.lever = np.einsum("mk,mkj->mj", self.rows.normal, J[:, :3, :])  # [mm/rad] or 1
+        self.along = np.einsum("mk,mk->m", self.rows.normal, R[:, :, 2])  # of the wire, on the normal
+
+    @property
+    def order(self) -> Int[np.ndarray, " rows"]:
+        """When each row was measured, counted."""
+        return self.rows.owner
+
+    def residuals(self, used: Bool[np.ndarray, " rows"]) -> Residuals:
+        """Residuals of a least squares fit to some rows, about the solution; rows not used count nothing."""
+        problem = self.problem
+        J = np.vstack([part for _, _, part in problem.linearized(self.estimate.x)])
+        r = problem.residual(self.estimate.x)
+        weight = used / self.rows.sigma
+        known = np.isfinite(problem.prior)
+        A = np.vstack([J * weight[:, None], np.diag(1 / problem.prior)[known]])
+        b = np.concatenate([r * weight, (self.estimate.x / problem.prior)[known]])
+        Q, _ = np.linalg.qr(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300))
+        left = b - Q @ (Q.T @ b)
+        Q, left = Q[: len(r)], left[: len(r)]
+        freedom = max(np.count_nonzero(used) - float((Q * Q).sum()), 1.0)
+        scatter = float(np.sqrt(left @ left / freedom))
+        return Residuals(left / scatter, Q, weight / scatter)
+
+    def many_left_out(self) -> bool:
+        return bool((~self.estimate.used).mean() > MANY)
+
+
+def _sure(tried: int = 1) -> float:
+    """Standard deviations from nothing that chance brings only with probability SURE, among so many trials."""
+    return NormalDist().inv_cdf(1 - SURE / (2 * tried))
+
+
+def _changes(case: _Case) -> tuple[Residuals, list[Finding]]:
+    """What changed in time, one thing after the other, the surest first; and the residuals without it.
+
+    Where many touches were left out, the fault may be among them: then all are asked too.
+    """
+    everything = np.ones(len(case.rows), dtype=bool)
+    asked = [case.estimate.used, *([everything] if case.many_left_out() else [])]
+    residuals = max((case.residuals(some) for some in asked), key=lambda some: abs(_cut(case, some)[2]))
+    findings: list[Finding] = []
+    for _ in range(LIMIT):
+        cut, drift = _stick_out(case, residuals), _drift(case, residuals)
+        told = max((some for some in (cut, drift) if some is not None), key=lambda some: some[0], default=None)
+        if told is None:
+            break
+        residuals = residuals.without(told[1])
+        findings.append(told[2])
+    return residuals, findings
+
+
+def _stick_out(case: _Case, residuals: Residuals) -> _Change | None:
+    """A wire that is longer or shorter from some touch on."""
+    place, change, sure = _cut(case, residuals)
+    if abs(sure) < _sure(len(case.rows.ids)):
+        return None
+    name = case.rows.ids[place]
+    finding = Finding(
+        "stick-out changed",
+        f"from touch {name} on the wire is {abs(change):.2f} mm {'longer' if change > 0 else 'shorter'} "
+        f"({abs(sure):.0f} standard deviations); identify the touches before and after it apart, or touch again",
+        (name,),
+    )
+    return sure**2, (case.along * (case.order >= place))[:, None], finding
+
+
+def _cut(case: _Case, residuals: Residuals) -> tuple[int, float, float]:
+    """The touch from which on another stick-out explains most, the change [mm], and how sure that is.
+
+    Sums from the end backwards give all touches at once.
+    """
+    b = case.along * residuals.unit
+    by_touch = np.argsort(-case.order, kind="stable")
+
+    def from_the_end(rows: np.ndarray) -> np.ndarray:
+        ends = np.searchsorted(-case.order[by_touch], -np.arange(len(case.rows.ids)), side="right") - 1
+        return np.cumsum(rows[by_touch], axis=0)[ends]
+
+    shared = from_the_end(b[:, None] * residuals.Q)
+    whole = from_the_end(b * b)
+    size = whole - (shared * shared).sum(axis=1)
+    seen = size > np.maximum(1e-6 * whole, 1e-12)
+    score = np.where(seen, from_the_end(b * residuals.r), 0.0)
+    sure = score / np.sqrt(np.where(seen, size, 1.0))
+    best = int(np.argmax(np.abs(sure)))
+    return best, -float(score[best] / size[best]) if seen[best] else 0.0, float(sure[best])
+
+
+def _unsettled(case: _Case) -> Iterator[Finding]:
+    """Joints read before they stood: they lag on the way from the measurement before."""
+    if not all(isinstance(table, Positions) for table in case.measured):
+        return
+    first = np.searchsorted(case.order, np.arange(len(case.rows.ids)))
+    step = np.diff(case.rows.q[first], axis=0, prepend=case.rows.q[first][:1])
+    ways = case.lever * step[case.order]
+    residuals = case.residuals(np.ones(len(case.rows), dtype=bool)).without(case.lever * case.rows.q)  # gears
+    lag, sure = residuals.amount(ways.sum(axis=1))
+    if -sure < _sure():
+        return
+    still_to_go = np.abs(lag * step / case.robot.joint_unit())
+    yield Finding(
+        "joints read too early",
+        f"the arm was on {-100 * lag:.3f} % of the way from the position before when its joints were read, up to "
+        f"{still_to_go.max():.3f} deg ({-sure:.0f} standard deviations): wait until it stands, or use the commanded "
+        "joint values",
+    )
+
+
+def _drift(case: _Case, residuals: Residuals) -> _Change | None:
+    """Base, jig or tracker that move while it is measured."""
+    time, span = _times(case)
+    columns = case.rows.normal * (time[case.order] - 0.5)[:, None]
+    gain, count = residuals.explained(columns)
+    if count == 0 or gain < _chi_square(count):
+        return None
+    way = ", ".join(f"{axis} {-amount:+.2f}" for axis, amount in zip("xyz", residuals.fit(columns), strict=True))
+    finding = Finding(
+        "drift",
+        f"the tip moves by ({way}) mm against the jig {span} (chi-square {gain:.0f} for {count}): warm up, and check "
+        "that base, jig and tool are fast",
+    )
+    return gain, columns, finding
+
+
+def _times(case: _Case) -> tuple[Float[np.ndarray, " measured"], str]:
+    """When each touch was made, from 0 to 1, and the span in words."""
+    texts = [text for table in case.measured for text in (table.time if isinstance(table, Touches) else ("",))]
+    try:
+        seconds = np.array([datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp() for text in texts])
+    except ValueError:
+        seconds = np.empty(0)
+    if len(seconds) != len(case.rows.ids) or np.ptp(seconds) == 0:
+        return np.linspace(0, 1, len(case.rows.ids)), "from the first measurement to the last"
+    return (seconds - seconds.min()) / np.ptp(seconds), f"in {np.ptp(seconds) / 60:.0f} minutes"
+
+
+def _joint(case: _Case, residuals: Residuals) -> Iterator[Finding]:
+    """One joint that turns unevenly, far more than all others."""
+    total = float(residuals.r @ residuals.r)
+    gains = []
+    for i, joint in enumerate(case.robot.joints):
+        q = case.rows.q[:, i] / (100.0 if joint.prismatic else 1.0)
+        shapes = np.column_stack([q, *(f(k * q) for k in (1, 2) for f in (np.cos, np.sin))])
+        gains.append(residuals.explained(case.lever[:, [i]] * shapes))
+    best = int(np.argmax([gain for gain, _ in gains]))
+    (gain, count), others = gains[best], max([g for k, (g, _) in enumerate(gains) if k != best], default=0.0)
+    if count == 0 or gain < max(_chi_square(count), SHARE * total, TWICE * others):
+        return
+    yield Finding(
+        "one bad joint",
+        f"{case.robot.joints[best].name} turns unevenly: that alone explains {100 * gain / total:.0f} % of the "
+        f"residuals' squares, any other joint at most {100 * others / total:.0f} %; look at its gear and encoder, or "
+        "identify with --errors auto",
+    )
+
+
+def _outliers(case: _Case) -> Iterator[Finding]:
+    """Touches that were left out."""
+    out = np.unique(case.rows.owner[~case.estimate.used])
+    if not len(out):
+        return
+    r = case.problem.residual(case.estimate.x)
+    worst = int(np.argmax(np.where(case.estimate.used, 0.0, np.abs(r))))
+    names = tuple(case.rows.ids[i] for i in out)
+    yield Finding(
+        "outliers",
+        f"{len(names)} of {len(case.rows.ids)} measurements disagree with all others and were left out, the worst, "
+        f"{case.rows.ids[case.rows.owner[worst]]}, by {r[worst]:+.2f} mm",
+        names,
+    )
+
+
+def _chi_square(count: int) -> float:
+    """What a sum of so many squares exceeds with probability SURE (Wilson and Hilferty 1931)."""
+    z, c = NormalDist().inv_cdf(1 - SURE), 2 / (9 * count)
+    return float(count * (1 - c + z * np.sqrt(c)) ** 3)
