@@ -15,20 +15,20 @@ from oed.criteria import Criterion, checked_zone, score
 from oed.population import Found, Pool, evolve
 from oed.relaxation import ApproximateDesign, phi
 from oed.rows import blocks, information, whitener
+from oed.rules import Rules
 from oed.screening import ScreenedSwaps
 from oed.swaps import DeterminantSwaps, Swaps, TraceSwaps
 from oed.task import Members, Task, task
 
-CLOSE = 0.95  # candidates whose gain is this close to what weight needs make the pool
-POOL = 1000  # rows in the pool, more for many touches
+CLOSE = 0.95  # candidates whose gain is this close to what weight needs make the pool,
+POOL = 500, 1500  # so many rows at the least and at the most, more for many touches
 RIDGE = 1e-9  # of the information of the relaxation, so that any set has an inverse
 CHUNK = 4096  # candidates compared with a set at once
 FINAL = 3  # sets of the search that are compared with every candidate
-ROUNDS = 3  # pools, where what is close does not fit in one
 PASSES = 50  # of that comparison; 2 to 5 are usual
 SIZE = {"determinant": 40, "trace": 20, "screened": 8}  # of a population, for 50 touches or fewer
 SMALLEST = 6
-SEARCHES = {"determinant": 12, "trace": 12, "screened": 12}  # for each member of a population
+SEARCHES = 12  # for each member of a population
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def _effort(question: Task, iterations: int | None) -> tuple[int, int]:
     kind = question.criterion.swaps
     size = max(SMALLEST, SIZE[kind] * 50 // max(50, question.slots))
     if iterations is None:
-        return size, size * SEARCHES[kind]
+        return size, size * SEARCHES
     if iterations < 1:
         raise ValueError(f"iterations: {iterations}, expected at least 1")
     return min(size, max(SMALLEST, iterations // 10)), iterations
@@ -139,12 +139,13 @@ def swaps_of(
 ) -> Swaps:
     """Swaps among some rows beside information that is known, by the formula of the criterion.
 
-    A `basis` in which the information of a set is about one keeps single precision accurate.
+    In the `basis`, by default that of all rows together, information is about a multiple of one: single precision is
+    enough then.
     """
-    T = np.eye(len(known)) if basis is None else basis
+    T = whitener(known + information(rows)) if basis is None else basis
     X, M = rows @ T, T.T @ known @ T
     if criterion.swaps == "determinant":
-        return DeterminantSwaps(X, M)
+        return DeterminantSwaps(X, M, -2 * float(np.linalg.slogdet(T)[1]) / len(T))
     if criterion.swaps == "screened":
         return ScreenedSwaps(X, M, T, criterion, zone, np.random.default_rng(0))
     K = T
@@ -154,6 +155,17 @@ def swaps_of(
     return TraceSwaps(X, M, K.T @ K)
 
 
+def exchanged(
+    swaps: Swaps, n: int, members: Int[np.ndarray, " some"] | None = None, rules: Rules | None = None
+) -> Int[np.ndarray, " n"]:
+    """A set completed to n touches, each time with the one that adds most, then improved by swaps until none helps."""
+    pool = Pool(swaps, Rules(len(swaps.rows)) if rules is None else rules, n)
+    whole = pool.completed(np.zeros(0, int) if members is None else members)
+    if whole is None:
+        raise ValueError(f"rules: no way was found to {n} touches that keep them; loosen one")
+    return pool.descend(whole).members
+
+
 def _swaps(question: Task, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray, " some"]) -> Swaps:
     """Swaps among some rows of the question."""
     back = np.linalg.inv(basis)
@@ -161,20 +173,13 @@ def _swaps(question: Task, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray,
     return swaps_of(question.criterion, question.taken(ids), known, question.zone, basis)
 
 
-def _pool(
-    question: Task, closeness: Float[np.ndarray, " candidates"], size: int, rng: np.random.Generator
-) -> Int[np.ndarray, " pool"]:
-    """The rows that the relaxation nearly uses: half of them the closest, half drawn from all that are close."""
-    free = question.free[question.free < len(question.rows)]
-    order = free[np.argsort(-closeness[free], kind="stable")]
-    close = max(int((closeness[free] >= CLOSE).sum()), min(size // 2, len(order)))
-    if close <= size:
-        chosen = order[:close]
-    else:
-        chosen = np.concatenate(
-            [order[: size // 2], rng.choice(order[size // 2 : close], size - size // 2, replace=False)]
-        )
-    return np.concatenate([np.sort(chosen), question.free[question.free >= len(question.rows)]])
+def _pool(question: Task, closeness: Float[np.ndarray, " candidates"], many: int) -> Int[np.ndarray, " pool"]:
+    """The rows that the relaxation uses or nearly uses, and the empty ones."""
+    real = question.free < len(question.rows)
+    free = question.free[real]
+    if len(free) > many:
+        free = free[np.argpartition(-closeness[free], many)[:many]]
+    return np.concatenate([np.sort(free), question.free[~real]])
 
 
 def _searched(
@@ -186,48 +191,19 @@ def _searched(
     progress: Callable[[int], float],
 ) -> tuple[list[Members], int]:
     """The best sets of a search in a pool; in a larger one where the rules leave none."""
-    rows = max(POOL, 5 * question.slots)
+    close = int((closeness[question.free[question.free < len(question.rows)]] >= CLOSE).sum())
+    many = max(5 * question.slots, int(np.clip(close, *POOL)))
     while True:
-        found, searches = _rounds(question, closeness, basis, rows, size, rng, progress)
-        if found:
-            return found, searches
-        if rows >= len(question.free):
+        ids = _pool(question, closeness, many)
+        pool = Pool(_swaps(question, basis, ids), question.rules.take(ids), question.slots)
+        sets, searches = evolve(pool, size, rng, progress)
+        if sets:
+            return [ids[one.members] for one in sets[:FINAL]], searches
+        if many >= len(question.free):
             raise ValueError(
                 f"rules: found no set of {question.slots} touches that keeps quotas, distance and budget; loosen one"
             )
-        rows *= 8
-
-
-def _rounds(
-    question: Task,
-    closeness: np.ndarray,
-    basis: np.ndarray,
-    rows: int,
-    size: int,
-    rng: np.random.Generator,
-    progress: Callable[[int], float],
-) -> tuple[list[Members], int]:
-    """The best sets of a search in one pool after the other, the best so far being guests; one if it holds all."""
-    found: list[Members] = []
-    made, rounds = 0, 1
-    for k in range(ROUNDS):
-        drawn = _pool(question, closeness, rows, rng)
-        rounds = ROUNDS if len(drawn) >= rows else 1
-        ids = np.unique(np.concatenate([drawn, *found]))
-        pool = Pool(_swaps(question, basis, ids), question.rules.take(ids), question.slots)
-        sets, searches = evolve(
-            pool, size, rng, _part(progress, made, k, rounds), [np.searchsorted(ids, members) for members in found]
-        )
-        made += searches
-        found = [ids[one.members] for one in sets[:FINAL]]
-        if k + 1 == rounds or not found:
-            break
-    return found, made
-
-
-def _part(progress: Callable[[int], float], made: int, k: int, rounds: int) -> Callable[[int], float]:
-    """The share of round k that is over."""
-    return lambda count: rounds * progress(made + count) - k
+        many *= 8
 
 
 def _polished(question: Task, basis: np.ndarray, ids: Members) -> Found:

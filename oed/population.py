@@ -136,16 +136,16 @@ class Population:
 
 
 def evolve(
-    pool: Pool, size: int, rng: np.random.Generator, progress: Callable[[int], float], guests: list[Members]
+    pool: Pool, size: int, rng: np.random.Generator, progress: Callable[[int], float]
 ) -> tuple[list[Found], int]:
     """The best sets, best first, and the searches made until `progress(searches)` says 1; none if the rules allow none.
 
-    Guests are sets found elsewhere; they join the first population.
+    A population that has no better children any more makes room for a new one.
     """
     best: list[Found] = []
     count = 0
     while progress(count) < 1 or not best:
-        people = [] if best else [pool.descend(members) for members in guests]
+        people: list[Found] = []
         while len(people) < size and (progress(count) < 1 or not people):
             found = pool.first(rng)
             count += 1

@@ -90,6 +90,10 @@ class ScreenedSwaps(Swaps):
         falls /= G * G + left * (1 + d)
         return falls
 
+    def growth(self, table: Table) -> Table:
+        """The table itself."""
+        return table
+
     def best(self, table: Table) -> tuple[int, int, float]:
         """The best of the most promising swaps, with its true factor."""
         few = min(FEW, table.size)

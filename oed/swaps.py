@@ -21,6 +21,7 @@ Members = Int[np.ndarray, " touches"]
 Table = Float[np.ndarray, "touches pool"]
 
 NEVER = -np.inf  # table entry of a swap that a rule forbids
+TINY = 1e-12
 REFRESH = 50  # swaps between two recomputations of an updated table
 AT_ONCE = 4  # a quarter of the touches in excess go at once
 
@@ -58,6 +59,10 @@ class Swaps(ABC):
         """How good every swap is; the caller may write into it."""
 
     @abstractmethod
+    def growth(self, table: Table) -> Table:
+        """A table as the growth of the logarithm of the criterion."""
+
+    @abstractmethod
     def best(self, table: Table) -> tuple[int, int, float]:
         """The best swap of a table: touch, row, and the factor by which the criterion grows."""
 
@@ -92,19 +97,22 @@ class Swaps(ABC):
         return d, np.einsum("ij,ij->i", XC @ W, XC), trace if trace > 1e-6 * np.abs(parts).sum() else 1.0
 
     def gains(self, members: Members) -> Float[np.ndarray, " pool"]:
-        """What each row of the pool would add to a set, to rank them."""
-        d, b, _ = self._worth(members, self.rows)
-        return np.log1p(d) if b is d else b / (1 + d)
+        """What each row of the pool would add to a set, as a share of what it is worth."""
+        d, b, trace = self._worth(members, self.rows)
+        return np.log1p(d) if b is d else b / (1 + d) / trace
+
+    def losses(self, members: Members) -> Float[np.ndarray, " touches"]:
+        """What a set would lose with each of its touches, in the same measure."""
+        d, b, trace = self._worth(members, self.rows[members])
+        left = np.maximum(1 - d, 1e-9)
+        return -np.log(left) if b is d else b / left / trace
 
     def thinned(self, members: Members, n: int, heat: float, rng: np.random.Generator) -> Members:
         """The n touches that are left when those that matter least go, a few at once, with `heat` for variety."""
         noise = heat * rng.gumbel(size=len(members))
         while len(members) > n:
-            d, b, trace = self._worth(members, self.rows[members])
-            left = np.maximum(1 - d, 1e-9)
-            loss = -np.log(left) if b is d else b / left / trace
             few = 1 + (len(members) - n) // AT_ONCE
-            stay = np.sort(np.argpartition(loss + noise, few)[few:])
+            stay = np.sort(np.argpartition(self.losses(members) + noise, few)[few:])
             members, noise = members[stay], noise[stay]
         return members
 
@@ -114,9 +122,13 @@ class DeterminantSwaps(Swaps):
 
     still = 1.0
 
+    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square, unit: float = 0.0):
+        super().__init__(rows, known)
+        self.unit = unit  # logarithm of the criterion of the identity, in the units that came in
+
     def log(self, members: Members) -> float:
         """Log det over the number of parameters."""
-        return float(np.linalg.slogdet(self.information(members))[1]) / self.rows.shape[1]
+        return self.unit + float(np.linalg.slogdet(self.information(members))[1]) / self.rows.shape[1]
 
     def weight(self, M: Square) -> Square | None:
         """None: not a trace."""
@@ -146,6 +158,10 @@ class DeterminantSwaps(Swaps):
     def table(self) -> Table:
         """The factors of the determinant."""
         return self.factors()
+
+    def growth(self, table: Table) -> Table:
+        """Logarithm of the factor, over the number of parameters."""
+        return np.log(np.maximum(table, TINY)) / self.rows.shape[1]
 
     def best(self, table: Table) -> tuple[int, int, float]:
         """The largest factor; the p-th root of it is what the criterion gains."""
@@ -219,10 +235,14 @@ class TraceSwaps(DeterminantSwaps):
         falls /= np.maximum(factors, 1e-30, out=factors)
         return falls
 
+    def growth(self, table: Table) -> Table:
+        """Trace before over trace after, as a logarithm."""
+        return -np.log(np.maximum(1 - table, TINY))
+
     def best(self, table: Table) -> tuple[int, int, float]:
         """The deepest fall, and trace before over trace after."""
         a, j = divmod(int(table.argmax()), table.shape[1])
-        return a, j, 1 / max(1 - float(table[a, j]), 1e-12)
+        return a, j, 1 / max(1 - float(table[a, j]), TINY)
 
     def update(self, a: int, j: int) -> Float[np.ndarray, "2 2"]:
         """B changes by [P R]' [[A S A, -A], [-A, 0]] [P R], R = [x y]'B and S = [x y]'B[x y]."""

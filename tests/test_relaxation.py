@@ -4,7 +4,7 @@ from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
@@ -61,6 +61,7 @@ def test_the_mean_variance_over_the_interval_is_that_of_the_textbooks():
 
 
 @pytest.mark.parametrize("name", CERTIFIED)
+@settings(max_examples=15)
 @given(seed=SEEDS)
 def test_no_set_without_repeats_beats_the_certificate(name, seed):
     rows, zone, _ = small(seed)
@@ -72,6 +73,7 @@ def test_no_set_without_repeats_beats_the_certificate(name, seed):
 
 
 @pytest.mark.parametrize("name", CERTIFIED)
+@settings(max_examples=15)
 @given(seed=SEEDS)
 def test_no_set_with_repeats_and_a_prior_beats_the_certificate(name, seed):
     rows, zone, rng = small(seed)
