@@ -70,11 +70,6 @@ def move_of(point: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3
     return np.concatenate([np.broadcast_to(np.eye(3), turn.shape), turn], axis=2)
 
 
-def corners(workpiece: Jig) -> Float[np.ndarray, "corners 3"]:
-    """The corners of the faces of a workpiece [mm]."""
-    return np.concatenate([[f.origin, f.origin + f.u, f.origin + f.v, f.origin + f.u + f.v] for f in workpiece.faces])
-
-
 def locate(
     calibration: Calibration, workpiece: Jig, touches: Touches, near: Float[np.ndarray, " 6"] | None = None
 ) -> Location:
@@ -196,7 +191,7 @@ def said(T: Float[np.ndarray, "4 4"]) -> str:
 
 def _require_sight(workpiece: Jig, touches: Touches, touched: Contacts, at: Placement) -> None:
     """Raise InputError where the touches leave a freedom of the workpiece open."""
-    point = corners(workpiece)
+    point = workpiece.corners
     centre = (point.min(axis=0) + point.max(axis=0)) / 2
     rim = float(np.linalg.norm(point - centre, axis=1).max())
     dark = unseen(touched, Placement(at.R[0], at.p[0]), centre, rim)

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from workpieces import latched, postures, touches_of
 
 from identify.calibration import calibrate
-from identify.localization import corners, locate, move_of
+from identify.localization import locate, move_of
 from identify.model.description import library, read_jig
 from identify.model.files import InputError
 from identify.model.frames import inverse, rotation, transform
@@ -170,7 +170,7 @@ def test_a_pose_nearby_leads_to_the_same_answer_as_starting_from_everywhere(foun
 def test_the_sigma_of_a_point_is_that_of_moves_drawn_from_the_covariance(found, box, rng):
     q = touched(found, box, hidden(found, rng), THREE_TWO_ONE, SPREAD, rng)
     location = locate(found, box, touches_of(box, THREE_TWO_ONE, q, SIGMA))
-    point = corners(box)[:4]
+    point = box.corners[:4]
 
     moves = rng.multivariate_normal(np.zeros(6), location.covariance, 4000)
     moved = np.einsum("pik,dk->pdi", move_of(point), moves)

@@ -62,3 +62,8 @@ class Jig:
     def by_name(self) -> dict[str, Face]:
         """Faces by their names."""
         return {face.name: face for face in self.faces}
+
+    @cached_property
+    def corners(self) -> Float[np.ndarray, "corners 3"]:
+        """The corners of all faces [mm]."""
+        return np.concatenate([[f.origin, f.origin + f.u, f.origin + f.v, f.origin + f.u + f.v] for f in self.faces])

@@ -17,7 +17,7 @@ def zone_of(cell: Cell) -> Zone:
         return cell.zone
     if cell.jig is None:
         raise InputError("the cell has neither a zone nor a jig; write zone: {box_mm: ..., max_tilt_deg: ...}")
-    corners = np.concatenate([[f.origin, f.origin + f.u, f.origin + f.v, f.origin + f.u + f.v] for f in cell.jig.faces])
+    corners = cell.jig.corners
     return Zone(np.stack([corners.min(axis=0), corners.max(axis=0)], axis=1), cell.touch.max_tilt)
 
 

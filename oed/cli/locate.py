@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from identify.localization import ALARM, Location, corners, said
+from identify.localization import ALARM, Location, said
 from identify.localization import locate as located
 from identify.model.calibration import Calibration, read_calibration
 from identify.model.description import named_jig, read_jig
@@ -86,7 +86,7 @@ def summary(calibration: Calibration, found: Location) -> dict[str, Any]:
         "jig_T_workpiece": pose_entry(pose(jig_T_workpiece)),
         "sigma": dict(zip((*POSE_KEYS[:3], *TURNS), (found.sigma / unit).tolist(), strict=True)),
         "covariance": (found.covariance / np.outer(unit, unit)).tolist(),
-        "point_rms_mm": float(found.point_sigma(corners(found.workpiece)).max()),
+        "point_rms_mm": float(found.point_sigma(found.workpiece.corners).max()),
         "touches": len(found.residuals),
         "residuals_mm": dict(found.residuals),
         "chi2": found.chi2,
@@ -104,7 +104,7 @@ def story(found: Location, output: Path) -> str:
     for key, value, about, give in zip(POSE_KEYS, found.pose / POSE_UNIT, ABOUT, spread, strict=True):
         name, unit = key.split("_")
         lines.append(f"{name:4}{value:12.3f}{give:12.3f} {unit}{about}")
-    rms = found.point_sigma(corners(found.workpiece)).max()
+    rms = found.point_sigma(found.workpiece.corners).max()
     lines += ["", f"its corners are known to {rms:.3f} mm (RMS, the worst one)"]
     if found.degrees and found.chance >= ALARM:
         lines.append(f"residuals are as stated (chi-square {found.chi2:.1f} of {found.degrees})")

@@ -18,6 +18,8 @@ def plan(
     criterion: str = "V",
     strategy: Literal["optimal", "even", "random"] = "optimal",
     after: Path | None = None,
+    workpiece: str | None = None,
+    at: str | None = None,
     robust: int = 0,
     worst: Annotated[bool, Parameter(negative=())] = False,
     cell: CellFile = Path("cell.yaml"),
@@ -45,6 +47,10 @@ def plan(
         optimal; even spreads points over the faces as the paper does; random draws them.
     after
         An earlier calibration.json: its parameters and what it knows are the start.
+    workpiece
+        Plan touches that locate this workpiece instead: its faces, in a file like that of a jig, or library:NAME.
+    at
+        About where it stands in the base frame, x,y,z,rz,ry,rx (mm, degrees); where the jig stands if not given.
     robust
         So many robots drawn from the tolerances, or from what the calibration leaves open, are planned for at once.
     worst
@@ -61,6 +67,11 @@ def plan(
         raise InputError(f"--robust is {robust}, expected how many robots to draw, 10 for example")
     described = load_cell(cell)
     known = None if after is None else read_calibration(after)
+    if workpiece is not None:
+        from oed.cli.workpiece import touches_of
+
+        touches_of(workpiece, described, cell, n, at, known, output, seed, json)
+        return
     with progress(not json) as say:
         result = make(
             described, n, criterion, strategy, np.random.default_rng(seed), target=target, after=known, robust=robust,

@@ -1,0 +1,94 @@
+"""`touchcal plan --workpiece`: touches that locate a workpiece, and a cell to make them with."""
+
+from os.path import relpath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from identify.model.calibration import Calibration
+from identify.model.cell import Cell
+from identify.model.description import LIBRARY, named_jig, read_jig
+from identify.model.entries import POSE_UNIT, pose_entry
+from identify.model.files import digest, write_text
+from identify.model.tables import plan_text
+from oed.cli.options import numbers, print_json
+from oed.workpiece import FEWEST, WorkpiecePlan, plan_workpiece
+
+
+def touches_of(
+    workpiece: str, cell: Cell, cell_file: Path, n: int | None, at: str | None, after: Calibration | None,
+    output: Path, seed: int, json: bool,
+) -> None:  # fmt: skip
+    """Write plan.csv, plan.json, and plan-cell.yaml: the cell with the workpiece in the place of the jig."""
+    from oed.cli.plan import write_summary
+
+    where = None if at is None else numbers(at, 6, "--at") * POSE_UNIT
+    file = named_jig(workpiece)
+    result = plan_workpiece(cell, read_jig(file), n, np.random.default_rng(seed), at=where, after=after)
+    beside = output.with_name(f"{output.stem}-cell.yaml")
+    write_text(output, plan_text(result.plan, cell.robot))
+    write_text(beside, cell_text(cell_file, beside, workpiece, result.cell))
+    told = summary(result) | {"seed": seed}
+    write_summary(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file), workpiece: digest(file)})
+    if json:
+        print_json(told)
+    else:
+        print(story(told, output, beside, after is None))
+
+
+def cell_text(original: Path, beside: Path, workpiece: str, placed: Cell) -> str:
+    """A cell file like the original, with the workpiece as its jig; paths lead from where it will lie."""
+    from io import StringIO
+
+    yaml = YAML()
+    document = yaml.load(original.read_text(encoding="utf-8-sig"))
+    robot = document["robot"]
+    if isinstance(robot, str):
+        document["robot"] = robot if robot.startswith(LIBRARY) else relpath(original.parent / robot, beside.parent)
+    else:
+        robot["urdf"] = relpath(original.parent / robot["urdf"], beside.parent)
+    document["jig"] = workpiece if workpiece.startswith(LIBRARY) else relpath(workpiece, beside.parent)
+    document["base"] = {key: round(value, 6) for key, value in dict(pose_entry(placed.base)).items()}  # type: ignore[arg-type]
+    document.pop("zone", None)
+    out = StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
+def summary(result: WorkpiecePlan) -> dict[str, Any]:
+    """What `--json` says."""
+    return {
+        "touches": len(result.plan),
+        "faces": result.faces,
+        "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
+        "curve": [{"touches": n, "faces": faces, "p95_mm": error} for n, faces, error in result.curve],
+        "minutes": result.minutes,
+        "notes": list(result.notes),
+    }
+
+
+def story(told: dict[str, Any], output: Path, beside: Path, nominal: bool) -> str:
+    """The plan as a person reads it."""
+    promise, lines = told["promise"], []
+    lines.append(f"{told['touches']} touches: {_on(told['faces'])}; about {told['minutes']:.0f} minutes")
+    error = f"RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm"
+    lines.append(f"promised error of the corners in the base frame: {error}")
+    lines += [
+        f"{'minimal: ' if point['touches'] == FEWEST else '':>10}{point['touches']:3} touches  95 % "
+        f"{point['p95_mm']:.3f} mm  {_on(point['faces'])}"
+        for point in told["curve"]
+    ]
+    if nominal:
+        lines.append(
+            "note: this is for a robot as drawn, with its tolerances; --after calibration.json knows it better"
+        )
+    lines += [f"note: {sentence}" for sentence in told["notes"]]
+    return "\n".join([
+        *lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}"
+    ])  # fmt: skip
+
+
+def _on(faces: dict[str, int]) -> str:
+    return ", ".join(f"{count} on {name}" for name, count in faces.items())

@@ -1,0 +1,156 @@
+"""Planned touches locate a workpiece: six are the classic three, two, one; more are better; and the loop closes."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identified import identified
+from measured import poses_over_jig, table_2, touches_at
+
+from identify.calibration import calibrate
+from identify.localization import locate
+from identify.model.calibration import write_calibration
+from identify.model.description import library, read_cell, read_jig
+from identify.model.files import InputError
+from identify.model.frames import inverse, pose, transform
+from identify.model.touch import HIT
+from oed.cli import main
+from oed.workpiece import plan_workpiece, standing
+from probe.virtual.batch import touch_batch
+from probe.virtual.truth import Truth
+
+COUNT = 2500
+AWAY = np.array([3, -2, 2, 0.005, -0.003, 0.004])  # [mm, rad] from where the workpiece is thought to stand
+
+
+@pytest.fixture(scope="module")
+def box():
+    return read_jig(library("jigs")["cube"])
+
+
+@pytest.fixture(scope="module")
+def found(arc_welder):
+    rng = np.random.default_rng(5)
+    touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 100, rng), rng)
+    return calibrate(arc_welder, touches, folds=0)
+
+
+@pytest.fixture(scope="module")
+def plans(arc_welder, box, found):
+    return {n: plan_workpiece(arc_welder, box, n, after=found, count=COUNT) for n in (6, 12)}
+
+
+def test_the_best_six_touches_of_a_box_are_three_two_and_one(plans):
+    assert sorted(plans[6].faces.values()) == [1, 2, 3]
+    assert sum(plans[12].faces.values()) == len(plans[12].plan) == 12
+
+
+def test_more_touches_promise_more(plans):
+    errors = [error for _, _, error in plans[12].curve]
+
+    assert [n for n, _, _ in plans[12].curve][:1] == [6]
+    assert errors == sorted(errors, reverse=True)
+    assert plans[12].promise.p95_mm < plans[6].promise.p95_mm
+
+
+@pytest.mark.parametrize("n", [6, 12])
+def test_what_is_promised_of_the_corners_is_what_locating_says_and_what_a_hidden_pose_shows(n, plans, found, box):
+    planned, rng = plans[n], np.random.default_rng(3)
+    truth = table_2(planned.cell)
+    truth[:6] = planned.cell.base + AWAY
+
+    touches = touch_batch(planned.cell, Truth(truth), planned.plan, rng)
+    location = locate(found, box, touches)
+
+    hidden = inverse(transform(truth[:6]))
+    corners = np.column_stack([box.corners, np.ones(len(box.corners))])
+    off = np.linalg.norm((corners @ (location.base_T_workpiece - hidden).T)[:, :3], axis=1)
+    assert touches.status == (HIT,) * n
+    assert np.sqrt((location.point_sigma(box.corners) ** 2).mean()) == pytest.approx(planned.promise.rms_mm, rel=0.3)
+    assert off.max() < 4 * planned.promise.p95_mm
+
+
+def test_a_workpiece_is_planned_for_where_it_is_said_to_stand(arc_welder, box):
+    at = np.array([800.0, -300.0, -340.0, 1.5, 0.0, 0.0])
+
+    cell = standing(arc_welder, box, at)
+
+    assert inverse(transform(cell.base)) == pytest.approx(transform(at))
+    assert (cell.jig, cell.zone) == (box, None)
+
+
+def test_fewer_touches_than_freedoms_are_refused(arc_welder, box):
+    with pytest.raises(InputError, match="5 touches cannot locate a workpiece, which has 6 freedoms; plan at least 6"):
+        plan_workpiece(arc_welder, box, 5)
+
+
+@pytest.fixture
+def folder(arc_welder, found, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
+    (tmp_path / "box.yaml").write_text(library("jigs")["cube"].read_text())
+    write_calibration(tmp_path / "calibration.json", found)
+    return tmp_path
+
+
+def touchcal(*arguments):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    return ended.value.code
+
+
+def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, capsys):
+    assert touchcal("plan", "--workpiece", "box.yaml", "--after", "calibration.json", "-n", "9", "-o", "plan.csv") == 0
+    assert "minimal:   6 touches" in capsys.readouterr().out
+    cell = read_cell(folder / "plan-cell.yaml")
+    hidden = cell.base + AWAY
+    names = cell.robot.parameters
+    values = {name: table_2(cell)[i] / cell.robot.parameter_unit()[i] for i, name in enumerate(names)}
+    values |= dict(zip(names[:6], hidden / [1, 1, 1, *[np.pi / 180] * 3], strict=True))
+    (folder / "truth.yaml").write_text(json.dumps({"parameters": {k: float(v) for k, v in values.items()}}))
+
+    assert touchcal("run", "plan.csv", "--cell", "plan-cell.yaml", "--truth", "truth.yaml", "-o", "box.csv") == 0
+    assert touchcal("locate", "calibration.json", "box.csv", "--workpiece", "box.yaml", "-o", "box.json") == 0
+
+    out = capsys.readouterr().out
+    told = json.loads((folder / "box.json").read_text())
+    off = [told["base_T_workpiece"][k] for k in ("x_mm", "y_mm", "z_mm")] - pose(inverse(transform(hidden)))[:3]
+    assert (np.abs(off) < 4 * np.array([told["sigma"][k] for k in ("x_mm", "y_mm", "z_mm")])).all()
+    assert set(told["inputs"]) == {"calibration.json", "box.csv", "box.yaml"}
+    assert "wrote box.json; programs on it: --frame" in out
+    assert f"{told['base_T_workpiece']['x_mm']:.3f}" in out
+
+
+@pytest.mark.parametrize(("arguments", "sentence"), [
+    (["locate", "calibration.json", "--workpiece", "box.yaml"], "nothing to locate the workpiece by"),
+    (["locate", "calibration.json", "none.csv", "--workpiece", "box.yaml"], "none.csv: no such file"),
+    (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml"], "2 touches cannot fix 6 freedoms"),
+    (["locate", "calibration.json", "other.csv", "--workpiece", "box.yaml"], "jig 'cube' has no face 'topp'"),
+    (["locate", "calibration.json", "points.csv", "--workpiece", "box.yaml"], "positions in the jig frame locate no"),
+    (["locate", "calibration.json", "few.csv", "--workpiece", "library:cub"], "library has no jig 'cub'; did you mean"),
+    (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml", "--near", "1,2"], "--near is '1,2'"),
+    (["plan", "--workpiece", "none.yaml"], "none.yaml: no such file"),
+    (["plan", "--workpiece", "box.yaml", "--at", "here"], "--at is 'here', expected 6 numbers"),
+])  # fmt: skip
+def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, capsys):
+    joints = ",".join(f"q{i}_deg" for i in range(1, 7))
+    (folder / "few.csv").write_text(f"id,face,{joints}\na,top,10,20,30,40,50,60\nb,front,11,22,30,40,50,60\n")
+    (folder / "other.csv").write_text(f"id,face,{joints}\na,topp,10,20,30,40,50,60\n")
+    (folder / "points.csv").write_text(f"id,{joints},x_mm,y_mm,z_mm\na,10,20,30,40,50,60,100,200,300\n")
+    before = sorted(folder.rglob("*"))
+
+    code = touchcal(*arguments)
+
+    out, err = capsys.readouterr()
+    assert (code, out) == (2, "")
+    assert sentence in err
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_calibration_whose_base_is_open_places_the_workpiece_where_it_found_the_jig(arc_welder, box):
+    truth = table_2(arc_welder)
+
+    cell = standing(replace(arc_welder, base=None), box, None, identified(arc_welder, truth))
+
+    assert cell.base == pytest.approx(truth[:6])
