@@ -31,7 +31,8 @@ class Ways:
         for margin in (CLEAR, NEAR):
             if found := self._around(start, goal, margin):
                 return found
-        return [] if self.geometry.inside(start, goal) else [goal]  # as planned: the wire will tell
+        way = np.stack([start, *via, goal])  # as planned: the wire will tell
+        return [] if self.geometry.blocked(way[:-1], way[1:]).any() else [*via, goal]
 
     def _blocked(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], margin: float
