@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from oed.aim import Aim
 from oed.candidates import Candidates
@@ -13,14 +13,16 @@ from oed.certificate import certify
 from oed.choice import Pick, mean_square, optimal, robust, visited
 from oed.criteria import CRITERIA
 from oed.even import even
+from oed.exchange import exact_design
 from oed.information import drawn, touch_sigma
 from oed.offer import Offer
-from oed.refinement import Refinement, refine, replaced
+from oed.refinement import APART, Refinement, refine, replaced
 from oed.relaxation import ApproximateDesign, approximate_design, phi
 from oed.sequence import Order
 
 STRATEGIES = ("optimal", "even", "random")
 RETURNS = 5  # times that touches at ways which moving them has blocked are put back
+SEARCHES = 60  # local ones for the set that is refined then: ten times as many are worth half a percent
 GAP = 3e-3  # of the relaxation: its bound holds at any gap
 Say = Callable[[str, float], None]
 
@@ -73,23 +75,23 @@ class Setting:
 
     def choose(self, n: int, say: Say) -> Choice:
         """Touches in an order; ways that cannot be kept clear are part of it."""
-        say("choosing", 0.0)
-        visit = visited(self.offered, self._pick(n), self.rng)
         if self.strategy != "optimal" or self.draws:
+            say("choosing", 0.0)
+            visit = visited(self.offered, self._pick(n), self.rng)
             touches = self.offered.found.take(visit.order.index)
             order = self._ordered(touches)
             return Choice(touches.take(order.index), order)
-        say("bounding", 0.2)
-        bound = self._bound(visit.allowed, n)
+        say("bounding", 0.0)
+        bound = self._bound(n)
+        say("choosing", 0.1)
+        visit = visited(self.offered, self._exact(bound, n), self.rng)
         touches = self.offered.found.take(visit.order.index)
-        say("refining", 0.6)
+        say("refining", 0.5)
         refinement = Refinement(self.offered.known, self.offered.judge)
-        touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.6 + 0.3 * share))
-        say("bounding", 0.9)
+        touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.3 * share))
+        say("bounding", 0.8)
         M = self._information(self._rows(touches))
-        manifold = certify(
-            self.offered, refinement, self.aim, bound.information, n, visit.allowed
-        ).efficiency(self.aim, M)  # fmt: skip
+        manifold = certify(self.offered, refinement, self.aim, bound.information, n).efficiency(self.aim, M)
         return Choice(touches, found, self._efficiency(M, bound), manifold if self.smooth else None)
 
     def _pick(self, n: int) -> Pick:
@@ -103,10 +105,24 @@ class Setting:
             return robust(offered, n, models, self.aim.B is not None, self.worst)
         return optimal(offered, n, self.aim)
 
-    def _bound(self, allowed: Bool[np.ndarray, " touches"], n: int) -> ApproximateDesign:
-        """The best weights on allowed touches, and the bound that they give."""
-        rows, P = self.offered.rows[allowed], self.offered.known.precision
-        return approximate_design(rows, self.criterion, GAP, touches=n, prior=P, zone=self.zone)
+    def _bound(self, n: int) -> ApproximateDesign:
+        """The best weights on all touches on offer, and the bound that they give."""
+        P = self.offered.known.precision
+        return approximate_design(self.offered.rows, self.criterion, GAP, touches=n, prior=P, zone=self.zone)
+
+    def _exact(self, bound: ApproximateDesign, n: int) -> Pick:
+        """Search for the best set at first; where some of it cannot be visited, exchange that."""
+        offered, again = self.offered, optimal(self.offered, n, self.aim)
+
+        def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
+            if before is not None:
+                return again(allowed, before)
+            return exact_design(
+                offered.rows, n, self.criterion, rng=self.rng, iterations=SEARCHES, relaxation=bound,
+                prior=offered.known.precision, zone=self.zone, positions=_places(offered.found), min_distance=1.0,
+            ).indices  # fmt: skip
+
+        return pick
 
     def _refined(
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
@@ -143,3 +159,8 @@ class Setting:
 
     def _efficiency(self, M: Float[np.ndarray, "kept kept"], bound: ApproximateDesign) -> float | None:
         return float(self._phi(M) / bound.level) if np.isfinite(bound.level) else None
+
+
+def _places(found: Candidates) -> Float[np.ndarray, "touches axes"]:
+    """Places of touches in units in which replicates are closer than 1."""
+    return np.hstack([found.point / APART[0], found.q / APART[1]])
