@@ -54,6 +54,17 @@ def desk(arc_welder: Cell, plan: Plan) -> Desk:
     return Desk(arc_welder, plan)
 
 
+def test_a_tool_is_told_until_a_reset_forgets_it(desk):
+    desk.say("T7\n")
+    told = desk.say("$G\n")[0]
+    desk.say("\x18")
+    after = desk.say("$G\n")[0]
+
+    assert " T7 " in told
+    assert " T0 " in after
+    assert desk.say("T256\n") == ["error:38"]
+
+
 def test_build_information_tells_six_axes(desk):
     answer = desk.say("$I\n")
 

@@ -1,4 +1,4 @@
-"""A driver to be killed: for each line `PORT FOLDER SCALE` on its standard input, one run in a process of its own.
+"""A driver to be killed: for each line `PORT PROTOCOL FOLDER SCALE` on standard input, one run in its own process.
 
 Everything is imported once, then forked; the number of the process is printed, and `ended` when it has. A run that is
 complete leaves a file `done` in its folder.
@@ -21,6 +21,7 @@ from probe.session import Session, journal_path
 from probe.settings import Settings
 
 TOUCHES = 8
+OPTIONS: dict[str, dict[str, float]] = {"line": {}, "grbl": {"axis_unit_deg": 0.1}}
 
 
 def main() -> None:
@@ -35,18 +36,18 @@ def main() -> None:
             print("ended", flush=True)
             continue
         try:
-            port, folder, scale = line.split()
-            once(port, Path(folder), Clock(float(scale)), cell, plan)
+            port, protocol, folder, scale = line.split()
+            once(port, protocol, Path(folder), Clock(float(scale)), cell, plan)
         except BaseException:
             traceback.print_exc()
         finally:
             os._exit(0)
 
 
-def once(port: str, folder: Path, clock: Clock, cell: Cell, plan: Plan) -> None:
+def once(port: str, protocol: str, folder: Path, clock: Clock, cell: Cell, plan: Plan) -> None:
     path = folder / "touches.csv"
     with Session(path, cell, plan, resume=journal_path(path).exists(), clock=clock) as session:
-        controller = open_controller(port, "line", cell.robot, clock=clock)
+        controller = open_controller(port, protocol, cell.robot, clock=clock, **OPTIONS[protocol])
         run(plan, controller, session, Settings(search_speed=10.0), clock=clock)
     (folder / "done").touch()
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
 MODES = {"G17", "G21", "G40", "G49", "G54", "G80", "G94", "G90", "G91", "G93"}
 MOTIONS = {"G0", "G1", "G38.2", "G38.3", "G4"}
-NOT_A_NUMBER, NOT_A_LETTER, UNSUPPORTED, TWO_MOTIONS, TWICE, NO_AXES = 2, 1, 20, 21, 25, 26
+NOT_A_NUMBER, NOT_A_LETTER, UNSUPPORTED, TWO_MOTIONS, TWICE, NO_AXES, NO_TOOL = 2, 1, 20, 21, 25, 26, 38
+TOOLS = 255  # the highest number
 
 
 @dataclass(frozen=True)
@@ -15,7 +16,7 @@ class Block:
 
     motion: str  # one of MOTIONS; empty where the line names none
     modes: tuple[str, ...]
-    values: dict[str, float]  # of the axes, F, P and N
+    values: dict[str, float]  # of the axes, F, P, N and T
     axes: dict[str, float]
 
 
@@ -28,8 +29,10 @@ def read_block(code: str, axes: str) -> Block | int:
     values = {letter: float(number) for letter, number in words if letter != "G"}
     if len(values) + len(gs) != len(words):
         return TWICE
-    if set(gs) - MODES - MOTIONS or set(values) - {*axes, "F", "P", "N"}:
+    if set(gs) - MODES - MOTIONS or set(values) - {*axes, "F", "P", "N", "T"}:
         return UNSUPPORTED
+    if values.get("T", 0) > TOOLS:
+        return NO_TOOL
     motions = [g for g in gs if g in MOTIONS]
     if len(motions) > 1:
         return TWO_MOTIONS

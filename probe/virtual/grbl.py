@@ -9,6 +9,7 @@ What it does as the real one does, so that a host learns to live with it:
 * The probe input is not watched during G0 and G1: a robot driven into the jig goes on. There is no deadman either.
 * Positions have three decimals; F counts the length of the move over all axes; axis units are chosen by the user.
 * `(MSG,tag)` comes back as `[MSG:tag]`. Real-time bytes `?`, `!`, `~` and Ctrl-X act at once, whatever is in the line.
+* `T` names a tool, `$G` tells it, and a reset forgets it.
 * A reset while moving stops the robot, empties the queue and ends in `ALARM:3`.
 
 Writing a `$` setting is obeyed by a real controller and ruins it; here it is counted in `settings_written`.
@@ -59,7 +60,7 @@ class GrblController:
         self.alarm = 0 if self.robot.health.homed else 1
         self.probed, self.success = np.zeros(len(self.unit)), False
         self.modes = {"distance": "G90", "feed": "G94"}
-        self.motion, self.feed_rate = "G0", 0.0
+        self.motion, self.feed_rate, self.tool = "G0", 0.0, 0
         self._queue: deque[Queued] = deque()
         self._running: Queued | None = None
         self._held = self._waiting = False  # feed hold; a line that is answered only when the queue is empty
@@ -189,7 +190,7 @@ class GrblController:
             return [f"[G54:{zero}]\r\n[G92:{zero}]\r\n{self._probe_line()}".encode(), OKAY]
         if code == "$G":
             modes = f"{self.motion} G54 G17 G21 {self.modes['distance']} {self.modes['feed']}"
-            return [f"[GC:{modes} M5 M9 T0 F{self.feed_rate:g} S0]\r\n".encode(), OKAY]
+            return [f"[GC:{modes} M5 M9 T{self.tool} F{self.feed_rate:g} S0]\r\n".encode(), OKAY]
         if code == "$$":
             return [b"$10=1\r\n$13=0\r\n$20=1\r\n$22=0\r\n", OKAY]
         if re.fullmatch(r"\$\d+=-?[\d.]+", code):
@@ -208,6 +209,7 @@ class GrblController:
             self.modes |= {"distance": g} if g in ("G90", "G91") else {"feed": g} if g in ("G93", "G94") else {}
         if self.modes["feed"] == "G94":
             self.feed_rate = block.values.get("F", self.feed_rate)
+        self.tool = int(block.values.get("T", self.tool))
         self.commands.append(code)
         if block.motion == "G4":
             return self._push(Queued("G4", seconds=block.values.get("P", 0.0)))
