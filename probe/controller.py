@@ -66,6 +66,10 @@ class TouchError(Exception):
     """The touches cannot go on; one sentence says why and what to do."""
 
 
+class NotReady(TouchError):
+    """The machine is not as it must be before the first motion: nothing has moved, and the operator puts it right."""
+
+
 class LinkLost(TouchError):
     """The controller does not answer, or its port is gone; where the robot stands is not known."""
 

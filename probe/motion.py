@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from probe.acceptance import objection
 from probe.clock import Clock
-from probe.controller import CODES, Contact, Controller, NoContact, Rebooted, Refused, State, TouchError
+from probe.controller import CODES, Contact, Controller, NoContact, NotReady, Rebooted, Refused, State, TouchError
 from probe.events import Listener, Recovered, Waiting
 from probe.paths import Geometry, Target
 from probe.records import Intent, Reading
@@ -64,7 +64,7 @@ class Motion:
             self.controller.stop()
             state = self._state()
         if not state.homed:
-            raise TouchError(f"{CODES['UNHOMED']}; home it, then start again")
+            raise NotReady(f"{CODES['UNHOMED']}; home it, then start again")
         self.boot, self.here = state.boot, state.q
         if self.session.intent is None:
             self._first_look(state)
@@ -164,12 +164,12 @@ class Motion:
 
     def _first_look(self, state: State) -> None:
         if state.contact:
-            raise TouchError("the touch input is closed before the first motion; free the wire, or check the input")
+            raise NotReady("the touch input is closed before the first motion; free the wire, or check the input")
         self.session.trusted(state.boot)
         try:
             self._move(state.q, "", "move", state.q, self.settings.retract_speed)  # nowhere: to see that it obeys
         except Refused as refusal:
-            raise TouchError(f"{refusal}; put that right, then start again") from None
+            raise NotReady(f"{refusal}; put that right, then start again") from None
 
     def _picked_up(self, state: State) -> Measured | Failed | None:
         """What came of a search that an earlier run did not finish."""

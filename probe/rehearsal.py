@@ -3,7 +3,7 @@
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from probe.clock import Clock
-from probe.controller import Controller, Refused, TouchError
+from probe.controller import Controller, NotReady, Refused, TouchError
 from probe.events import Finished, Listener, Started, Touching, ignore
 from probe.paths import Geometry, Target
 from probe.preflight import validate
@@ -66,9 +66,9 @@ def _move(controller: Controller, geometry: Geometry, here: Joints, q: Joints, t
 def _ready(controller: Controller) -> Joints:
     state = controller.state()
     if state.moving:
-        raise TouchError("the robot is moving; wait until it stands")
+        raise NotReady("the robot is moving; wait until it stands")
     if not state.homed:
-        raise TouchError("the machine is not homed; home it, then start again")
+        raise NotReady("the machine is not homed; home it, then start again")
     if state.contact:
-        raise TouchError("the touch input is closed before the first motion; free the wire, or check the input")
+        raise NotReady("the touch input is closed before the first motion; free the wire, or check the input")
     return state.q

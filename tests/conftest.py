@@ -1,5 +1,11 @@
 """What many tests share: seeded randomness, the cell of the paper, measured data that lies beside the repository."""
 
+import os
+import pty
+import threading
+import time
+import tty
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -33,3 +39,26 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"measured data is not at {SHARED}")
     return SHARED
+
+
+@pytest.fixture
+def noisy_port() -> Iterator[str]:
+    """A port whose other end speaks at another baud rate: bytes that mean nothing."""
+    far, near = pty.openpty()
+    tty.setraw(near)
+    os.set_blocking(far, False)
+    ended = threading.Event()
+
+    def babble() -> None:
+        rng = np.random.default_rng(1)
+        while not ended.is_set():
+            os.write(far, rng.integers(0x80, 0x100, 20, dtype=np.uint8).tobytes())
+            time.sleep(0.05)
+
+    thread = threading.Thread(target=babble)
+    thread.start()
+    yield os.ttyname(near)
+    ended.set()
+    thread.join()
+    os.close(near)
+    os.close(far)

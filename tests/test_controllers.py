@@ -2,10 +2,7 @@
 
 import os
 import pty
-import threading
-import time
 import tty
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,29 +26,6 @@ HEARD = {
 @pytest.fixture(scope="module")
 def truth(arc_welder: Cell) -> Truth:
     return draw_truth(arc_welder, np.random.default_rng(3), scale=0.1)
-
-
-@pytest.fixture
-def noisy_port() -> Iterator[str]:
-    """A port whose other end speaks at another baud rate: bytes that mean nothing."""
-    far, near = pty.openpty()
-    tty.setraw(near)
-    os.set_blocking(far, False)
-    ended = threading.Event()
-
-    def babble() -> None:
-        rng = np.random.default_rng(1)
-        while not ended.is_set():
-            os.write(far, rng.integers(0x80, 0x100, 20, dtype=np.uint8).tobytes())
-            time.sleep(0.05)
-
-    thread = threading.Thread(target=babble)
-    thread.start()
-    yield os.ttyname(near)
-    ended.set()
-    thread.join()
-    os.close(near)
-    os.close(far)
 
 
 def sentence(*arguments: object, **options: object) -> str:

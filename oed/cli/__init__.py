@@ -82,9 +82,9 @@ def _answer(error: Exception) -> int:
     """One sentence for what went wrong, and the exit code that goes with it."""
     from identify.calibration import CalibrationFailed
     from identify.model.files import InputError
-    from probe.controller import TouchError
+    from probe.controller import NotReady, TouchError
 
-    if isinstance(error, InputError):
+    if isinstance(error, (InputError, NotReady)):
         _say(str(error))
         return BAD_INPUT
     if isinstance(error, (CalibrationFailed, TouchError)):
