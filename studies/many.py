@@ -214,7 +214,9 @@ class _Problem:
     def normal(self, J: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The normal matrix of every robot, and its weighted Jacobian."""
         weighted = J * weight[:, :, None]
-        return weighted.transpose(0, 2, 1) @ J + self.precision, weighted
+        H = weighted.transpose(0, 2, 1) @ J + self.precision
+        tiny = 1e-12 * np.trace(H, axis1=1, axis2=2) / len(self.kept)  # too few touches, no priors: singular otherwise
+        return H + np.maximum(tiny, 1e-12)[:, None, None] * np.eye(len(self.kept)), weighted
 
     def freedom(self, J: np.ndarray, used: np.ndarray) -> Float[np.ndarray, " robots"]:
         """Touches less the degrees of freedom that parameters take: their number, less what the priors hold."""
@@ -249,3 +251,26 @@ class _Problem:
         middle = np.nanmedian(np.where(used, size, np.nan), axis=1)
         limit = REJECT * np.maximum(1.4826 * middle * np.sqrt(used.sum(axis=1) / self.freedom(J, used)), 1.0)
         return np.asarray(hit & (size <= limit[:, None]))
+
+
+def linear_identification(
+    cell: Cell, touches: ManyTouches, steps: int, *, update: bool
+) -> Float[np.ndarray, "robots parameters"]:
+    """Identify by linear least squares alone, as the work before the paper did (equations 50 and 55).
+
+    One step solves for the errors at once; more repeat it with the Jacobian of the nominal robot, or with `update` with
+    that of the parameters found so far. No priors, nothing left out; what diverges ends as infinity or NaN.
+    """
+    problem = _Problem(cell, touches, False, True)
+    theta = np.tile(cell.theta, (len(touches.q), 1))
+    J = problem.linearize(theta)[1]
+    with np.errstate(all="ignore"):
+        for _ in range(steps):
+            r, here = problem.linearize(theta)
+            J = here if update else J
+            finite = np.isfinite(r).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
+            change = np.full((len(theta), len(problem.kept)), np.nan)
+            E, dY = J[finite] * touches.hit[finite][:, :, None], r[finite] * touches.hit[finite]
+            change[finite] = -np.einsum("rkm,rm->rk", np.linalg.pinv(E), dY)
+            theta[:, problem.kept] += change * problem.scale
+    return theta

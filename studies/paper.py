@@ -1,0 +1,195 @@
+"""Does the paper's procedure give the paper's figures?
+
+Setup: the arc-welder of Table 1 is in truth the robot of Table 2, and makes 100 touches spread evenly over the jig, as
+in section 6 of the paper (the jig's shape is ours: the paper's is not legible). Touches scatter by 0.1 mm, 50 times.
+Then the same touches are identified with pivots of E'E removed below a tolerance, as equation (57) asks; their minutes
+are those of the planned order at the paper's pace of 5 mm/s; and robots whose errors are those of Table 2 times 0.1 to
+12 are identified in one linear step (50), by repeated linear steps with the nominal robot's Jacobian (55), and by
+nonlinear least squares (51).
+
+Answer: to be written from a run.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from identify.model.measurement import Rows, measurement_model
+from identify.report.svg import AFTER, BEFORE, OUT, Axis, Chart, axis, logarithmic, picture
+from oed.planning import PlanResult, plan
+from probe.virtual.truth import read_truth, truth_path
+from studies.common import arc_welder, zone
+from studies.engine import Table, column, distinct, where
+from studies.many import calibrate_many, errors_in_zone, linear_identification, touch_every
+
+TOUCHES, SIGMA = 100, 0.1  # [mm]
+SCALES = (0.1, 0.2, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 10, 12)
+TOLERANCES = 10.0 ** np.arange(-16, -0.9, 0.5)
+PAPER = {"initial_rms_mm": 22.352, "final_rms_mm": 0.112, "final_max_mm": 0.321, "kept": 21, "minutes": 15}
+METHODS = {"one linear step (50)": BEFORE, "repeated linear steps (55)": OUT, "nonlinear least squares (51)": AFTER}
+
+
+def tasks(small: bool) -> list[dict[str, Any]]:
+    """The three parts."""
+    repeats = 3 if small else 50
+    return [
+        {"part": "figures", "repeats": repeats},
+        {"part": "pivots", "repeats": 1},
+        {"part": "error size", "repeats": repeats},
+    ]
+
+
+def run(rng: np.random.Generator, part: str, repeats: int) -> list[dict[str, Any]]:
+    """Rows of one part; columns that it does not have stay empty in the table."""
+    parts = {"figures": _figures, "pivots": _pivots, "error size": _error_size}
+    return [{"part": part, **row} for row in parts[part](rng, repeats)]
+
+
+@lru_cache(maxsize=1)
+def _planned() -> PlanResult:
+    return plan(arc_welder(), TOUCHES, strategy="even", rng=np.random.default_rng(1))
+
+
+def _truth() -> np.ndarray:
+    return read_truth(truth_path("library:arc-welder"), arc_welder()).theta
+
+
+def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
+    """What the paper prints about its residuals, and what it could not: the error of the tip elsewhere."""
+    cell, planned = arc_welder(), _planned()
+    true = np.tile(_truth(), (repeats, 1))
+    made = touch_every(cell, true, planned.plan, rng, sigma=SIGMA)
+    found = calibrate_many(cell, made, eliminate=True)
+    before, after = (_residuals(made.q, planned, theta) for theta in (np.tile(cell.theta, (repeats, 1)), found.theta))
+    error = errors_in_zone(cell, true, found.theta, zone(200))
+    return [
+        {
+            "initial_rms_mm": float(np.sqrt((before[k] ** 2).mean())), "initial_max_mm": float(np.abs(before[k]).max()),
+            "final_rms_mm": float(np.sqrt((after[k] ** 2).mean())), "final_max_mm": float(np.abs(after[k]).max()),
+            "zone_rms_mm": float(np.sqrt((error[k] ** 2).mean())), "minutes": planned.minutes,
+        }
+        for k in range(repeats)
+    ]  # fmt: skip
+
+
+def _residuals(q: np.ndarray, planned: PlanResult, theta: np.ndarray) -> np.ndarray:
+    """Residuals of each robot's touches by its own parameters [mm]."""
+    cell = arc_welder()
+    return np.array([measurement_model(cell.robot).residual(t, _rows(q[k], planned)) for k, t in enumerate(theta)])
+
+
+def _rows(q: np.ndarray, planned: PlanResult, radius: float | None = None) -> Rows:
+    cell, made = arc_welder(), planned.plan
+    assert cell.jig is not None
+    offset = np.array([cell.jig.by_name[name].offset for name in made.face])
+    m = len(made)
+    return Rows(
+        q,
+        made.normal,
+        offset,
+        np.full(m, cell.wire.radius if radius is None else radius),
+        np.full(m, SIGMA),
+        made.ids,
+        np.arange(m),
+    )
+
+
+def _pivots(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
+    """How many parameters are left when pivots of E'E below a tolerance are removed (equation 57).
+
+    Columns of E are scaled to one length, and the largest pivot left is taken next. The wire is a point, as the
+    paper's is.
+    """
+    cell, planned = arc_welder(), _planned()
+    E = measurement_model(cell.robot).linearize(cell.theta, _rows(planned.plan.q, planned, radius=0.0))[1]
+    size = np.linalg.norm(E, axis=0)
+    E = E[:, size > 0] / size[size > 0]
+    M = E.T @ E
+    pivots = []
+    for _ in range(len(M)):
+        k = int(np.argmax(np.diag(M)))
+        if M[k, k] <= 0:
+            break
+        pivots.append(M[k, k])
+        M = M - np.outer(M[:, k], M[k]) / M[k, k]
+        M[k, :] = M[:, k] = 0
+    return [{"tolerance": float(t), "kept": float((np.array(pivots) > t).sum())} for t in TOLERANCES]
+
+
+def _error_size(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
+    """Each method at each size of the initial error."""
+    cell, rows = arc_welder(), []
+    for scale in SCALES:
+        true = np.tile(cell.theta + scale * (_truth() - cell.theta), (repeats, 1))
+        made = touch_every(cell, true, _planned().plan, rng, sigma=SIGMA)
+        found = {
+            "one linear step (50)": linear_identification(cell, made, 1, update=False),
+            "repeated linear steps (55)": linear_identification(cell, made, 20, update=False),
+            "nonlinear least squares (51)": calibrate_many(cell, made, priors=False).theta,
+        }
+        initial = errors_in_zone(cell, true, np.tile(cell.theta, (repeats, 1)), zone(200))
+        for method, theta in found.items():
+            theta = np.where(np.isfinite(theta), theta, 1e6)
+            error = np.sqrt((errors_in_zone(cell, true, theta, zone(200)) ** 2).mean(axis=1))
+            rows.append(
+                {
+                    "times_table_2": scale, "method": method, "missed": float((~made.hit).sum(axis=1).mean()),
+                    "initial_zone_rms_mm": float(np.sqrt((initial**2).mean())), "zone_rms_mm": float(np.median(error)),
+                }
+            )  # fmt: skip
+    return rows
+
+
+def answer(table: Table) -> str:
+    """Ours beside the paper's, and where each method breaks."""
+    figures = where(table, part="figures")
+    said = {"minutes": float(np.median(column(figures, "minutes")))}
+    said |= {name: float(np.median(column(figures, name))) for name in PAPER if name.endswith("_mm")}
+    lines = [f"{name}: {said[name]:.3f} (paper {PAPER[name]})" for name in said]
+    lines.append(f"tip error in the zone, RMS: {np.median(column(figures, 'zone_rms_mm')):.3f} mm (paper: not told)")
+    pivots = where(table, part="pivots")
+    kept = dict(zip(pivots["tolerance"], pivots["kept"], strict=True))
+    lines.append(
+        "kept by pivot tolerance: "
+        + ", ".join(f"{t:.0e}: {int(k)}" for t, k in list(kept.items())[::-1][:8])
+        + " (paper 21)"
+    )
+    sizes = where(table, part="error size")
+    for method in METHODS:
+        some = where(sizes, method=method)
+        good = column(some, "zone_rms_mm") < 0.2
+        largest = column(some, "initial_zone_rms_mm")[good].max(initial=0.0)
+        lines.append(f"{method}: below 0.2 mm up to an initial error of {largest:.1f} mm")
+    return "\n".join(lines)
+
+
+def pictures(table: Table) -> dict[str, str]:
+    """Methods against the initial error, and the number of parameters against the pivot tolerance."""
+    sizes, pivots = where(table, part="error size"), where(table, part="pivots")
+    left = np.minimum(column(sizes, "zone_rms_mm"), 1e3)
+    chart = Chart(
+        "Tip error after identification against the error before, 100 even touches, sigma 0.1 mm",
+        logarithmic("RMS tip error in the zone before, mm", column(sizes, "initial_zone_rms_mm")),
+        logarithmic("RMS tip error in the zone after, mm", left),
+        width=640,
+    )
+    for method in distinct(sizes, "method"):
+        some = where(sizes, method=method)
+        x = chart.x.scaled(column(some, "initial_zone_rms_mm"))
+        y = chart.y.scaled(np.minimum(column(some, "zone_rms_mm"), 1e3))
+        chart.line(x, y, METHODS[method])
+        chart.dots(x, y, METHODS[method], [f"{s:g} x Table 2" for s in some["times_table_2"]])
+    chart.legend([(shade, method) for method, shade in METHODS.items()])
+    tolerance = np.log10(column(pivots, "tolerance"))
+    ticks = tuple(float(t) for t in tolerance[::4])
+    kept = Chart(
+        "Parameters kept by pivot tolerance, of 42; the paper kept 21",
+        Axis("tolerance of a pivot of E'E, columns of length 1", float(tolerance[0]), float(tolerance[-1]), ticks,
+             tuple(f"{10**t:.0e}" for t in ticks)),
+        axis("parameters kept", [*pivots["kept"], 0.0]),
+    )  # fmt: skip
+    kept.line(tolerance, column(pivots, "kept"), AFTER)
+    kept.dots(tolerance, column(pivots, "kept"), AFTER, [f"{int(k)}" for k in pivots["kept"]])
+    kept.level(21, "the paper's 21")
+    return {"paper-methods": picture(chart), "paper-pivots": picture(kept)}

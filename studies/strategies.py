@@ -1,0 +1,146 @@
+"""Which strategy of choosing touches leaves the smallest tip error, and by which index should touches be planned?
+
+Setup: on the paper's arc-welder and the stepped jig, 33, 50, 70 and 100 touches are chosen by every strategy: evenly
+over the faces as the paper does, at random, optimal by each index of the table, robust (V, mean over 8 drawn robots),
+and sequential (30 touches, identify, plan the rest with what is known). 200 robots drawn from the priors (20 for
+sequential), with faces off by their tolerances and touches scattering by 0.05 mm, make each set and are identified;
+the tip is compared with the truth at 200 poses of the weld zone. A touch that would miss its face is aimed again.
+
+Answer: to be written from a run.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from identify.calibration import calibrate
+from identify.model.touch import HIT, Plan, Touches
+from identify.report.svg import Chart, colour, logarithmic, picture
+from oed.criteria import CRITERIA
+from oed.offer import offer, plan_of
+from oed.planning import plan
+from oed.strategies import Setting
+from studies.common import arc_welder, zone
+from studies.engine import Table, column, distinct, where
+from studies.many import (
+    ManyTouches,
+    calibrate_many,
+    draw_faces,
+    draw_many,
+    errors_in_zone,
+    touch_every,
+)
+
+NUMBERS = (33, 50, 70, 100)
+FIRST = 30  # touches before the rest of a sequential set is planned
+ROBOTS, SEQUENTIAL = 200, 20
+OTHERS = ("even", "random", "robust", "sequential")
+
+
+def tasks(small: bool) -> list[dict[str, Any]]:
+    """Every strategy at every number of touches."""
+    names, numbers = [*OTHERS[:2], *CRITERIA, *OTHERS[2:]], NUMBERS
+    if small:
+        names, numbers = ["even", "V"], (33,)
+    robots = {"sequential": SEQUENTIAL}
+    return [{"name": m, "n": n, "robots": 8 if small else robots.get(m, ROBOTS)} for m in names for n in numbers]
+
+
+def run(rng: np.random.Generator, name: str, n: int, robots: int) -> list[dict[str, Any]]:
+    """One row a robot: its tip error in the zone after calibration."""
+    cell = arc_welder()
+    theta = draw_many(cell, robots, rng)
+    found = _sequential(rng, n, theta) if name == "sequential" else _at_once(rng, name, n, theta)
+    error = errors_in_zone(cell, theta, found, zone(200))
+    return [
+        {
+            "strategy": name, "touches": n, "mean_mm": float(e.mean()), "rms_mm": float(np.sqrt((e**2).mean())),
+            "p95_mm": float(np.quantile(e, 0.95)), "max_mm": float(e.max()),
+        }
+        for e in error
+    ]  # fmt: skip
+
+
+def chosen(rng: np.random.Generator, name: str, n: int) -> Plan:
+    """The touches of a strategy; `name` is even, random, robust or an index to optimise."""
+    options: dict[str, Any] = {"strategy": name} if name in ("even", "random") else {"strategy": "optimal"}
+    options |= {"criterion": name} if name in CRITERIA else {}
+    options |= {"robust": 8} if name == "robust" else {}
+    return plan(arc_welder(), n, rng=rng, **options).plan
+
+
+def _at_once(rng: np.random.Generator, name: str, n: int, theta: np.ndarray) -> np.ndarray:
+    cell, planned = arc_welder(), chosen(rng, name, n)
+    proud = draw_faces(cell, planned, len(theta), rng)
+    return calibrate_many(cell, touch_every(cell, theta, planned, rng, proud=proud), eliminate=False).theta
+
+
+def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray) -> np.ndarray:
+    """Robots identified from touches of which the later ones were planned after the first were made."""
+    cell, first = arc_welder(), chosen(rng, "V", FIRST)
+    found = []
+    for true in theta[:, None]:
+        made = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
+        if n > FIRST:
+            offered = offer(cell, rng, after=calibrate(cell, *made, folds=0, eliminate=False))
+            rest = plan_of(Setting(offered, "V", "optimal", rng).quickly(n - FIRST))
+            made.append(_touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b"))
+        found.append(calibrate(cell, *made, folds=0, eliminate=False).theta)
+    return np.array(found)
+
+
+def _touches(planned: Plan, made: ManyTouches, mark: str = "a") -> Touches:
+    """The touches of one robot as the driver writes them; misses are left out."""
+    count, nothing = len(planned), ("",) * len(planned)
+    ids = tuple(f"{mark}{name}" for name in planned.ids)
+    table = Touches(
+        ids, planned.face, made.q[0], made.normal, made.offset, made.sigma, (HIT,) * count, np.full(count, np.nan),
+        nothing, nothing,
+    )  # fmt: skip
+    return table.take(made.hit[0])
+
+
+def medians(table: Table, measure: str = "rms_mm") -> dict[str, dict[int, float]]:
+    """Strategy -> number of touches -> median over the robots."""
+    return {
+        name: {
+            int(n): float(np.median(column(where(table, strategy=name, touches=n), measure)))
+            for n in distinct(where(table, strategy=name), "touches")
+        }
+        for name in distinct(table, "strategy")
+    }
+
+
+def answer(table: Table) -> str:
+    """Medians over the robots, a line each strategy, the best first."""
+    found = {measure: medians(table, measure) for measure in ("rms_mm", "p95_mm", "max_mm")}
+    numbers = [int(n) for n in distinct(table, "touches")]
+    order = sorted(found["rms_mm"], key=lambda name: sum(np.log(list(found["rms_mm"][name].values()))))
+    lines = [f"{'median over robots, mm':24}" + "".join(f"{f'n = {n}: RMS':>13}{'95 %':>7}{'max':>7}" for n in numbers)]
+    for name in order:
+        cells = [
+            f"{found['rms_mm'][name][n]:13.3f}{found['p95_mm'][name][n]:7.3f}{found['max_mm'][name][n]:7.3f}"
+            for n in numbers
+        ]
+        lines.append(f"{name:24}" + "".join(cells))
+    return "\n".join(lines)
+
+
+def pictures(table: Table) -> dict[str, str]:
+    """Tip error against the number of touches, a line a strategy."""
+    found = medians(table)
+    numbers = np.array(sorted({n for line in found.values() for n in line}), dtype=float)
+    chart = Chart(
+        "Tip error in the weld zone after calibration, median over robots drawn from the priors",
+        logarithmic("touches", numbers),
+        logarithmic("RMS tip error, mm", [e for line in found.values() for e in line.values()]),
+        width=760, height=420,
+    )  # fmt: skip
+    shades = dict(zip(found, colour(np.linspace(0.0, 0.9, len(found))), strict=True))
+    shades |= {"even": "#c0392b", "random": "#e08e45"}
+    for name, line in found.items():
+        x, y = chart.x.scaled(np.array([*line], dtype=float)), chart.y.scaled(np.array([*line.values()]))
+        chart.line(x, y, shades[name], dashed=name in OTHERS)
+        chart.dots(x, y, shades[name], [f"{name}, {n} touches: {e:.3f} mm" for n, e in line.items()])
+    chart.legend([(shade, name) for name, shade in shades.items() if name in found])
+    return {"strategies": picture(chart)}
