@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -89,9 +90,9 @@ def evaluate(
 
 
 def _key(study: Study, task: Task, seed: int) -> str:
-    """A name for the result of a task that changes with the script, the task and the seed."""
+    """A name for the result of a task that changes with touchcal, the script, the task and the seed."""
     source = read_text(Path(study.module.__file__ or ""))
-    told = json.dumps([study.name, source, task, seed], sort_keys=True)
+    told = json.dumps([version("touchcal"), study.name, source, task, seed], sort_keys=True)
     return hashlib.sha256(told.encode()).hexdigest()[:20]
 
 
@@ -128,6 +129,7 @@ def write_results(study: Study, table: Table, folder: Path) -> list[Path]:
     """The table as CSV and the pictures as SVG; returns the files."""
     files = {folder / f"{study.name}.csv": sheet_text({k: _plain(v) for k, v in table.items()})}
     files |= {folder / f"{name}.svg": picture for name, picture in study.pictures(table).items()}
+    folder.mkdir(parents=True, exist_ok=True)
     for path, text in files.items():
         write_text(path, text)
     return list(files)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 BEFORE, AFTER, OUT = "#b0752c", "#1f6fb2", "#c0392b"
-MARGIN = (46, 12, 26, 58)  # bottom, right, top, left
+MARGIN = (46, 18, 26, 58)  # bottom, right, top, left
 SCALE = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # dark to light: small to large
 
 
@@ -57,7 +57,16 @@ def logarithmic(title: str, values: Sequence[float] | np.ndarray) -> Axis:
     first, last = ticks[ticks <= low + 1e-9][-1], ticks[ticks >= high - 1e-9][0]
     last = last if last > first else ticks[ticks > first][0]
     shown = ticks[(ticks >= first) & (ticks <= last)]
-    return Axis(title, first, last, tuple(shown.tolist()), tuple(f"{10**t:.4g}" for t in shown), powers=True)
+    return Axis(title, first, last, tuple(shown.tolist()), tuple(map(_power, shown)), powers=True)
+
+
+def _power(exponent: float) -> str:
+    """Ten to the power of an exponent, short."""
+    return (
+        f"{10**exponent:.4g}"
+        if -3.1 < exponent < 4.9
+        else f"{10**exponent:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    )
 
 
 def around(axis: Axis, step: float) -> Axis:

@@ -1,0 +1,39 @@
+"""The table of answers, studies/README.md, made from the scripts: `python -m studies.readme` writes it again."""
+
+from pathlib import Path
+
+from identify.model.files import write_text
+from studies import PICTURES, STUDIES
+from studies.engine import Study
+
+HEAD = """# Studies
+
+Questions about calibrating a robot by touch, each answered by one script of this folder. A study computes its table
+and its pictures again with one command, on all cores of this machine or, with `--scheduler ADDRESS`, on a Dask cluster.
+What is finished is kept: a study that was interrupted goes on where it was. The same seed gives the same table anywhere.
+
+This page is made from the scripts by `python -m studies.readme`.
+"""
+
+
+def readme() -> str:
+    """The text of studies/README.md."""
+    return "\n".join([HEAD, *(_section(Study.named(name)) for name in STUDIES)])
+
+
+def _section(study: Study) -> str:
+    question, _, rest = study.story.partition("\n\n")
+    pictures = [
+        f"![{question} ({path.stem})](pictures/{path.name})" for path in sorted(PICTURES.glob(f"{study.name}*.svg"))
+    ]
+    command = f"```sh\ntouchcal study {study.name}\n```"
+    return "\n\n".join([f"## {' '.join(question.split())}", rest, *pictures, command]) + "\n"
+
+
+def main() -> None:
+    """Write studies/README.md."""
+    write_text(Path(__file__).parent / "README.md", readme())
+
+
+if __name__ == "__main__":
+    main()
