@@ -2,15 +2,19 @@
 
 Setup: the arc-welder of Table 1 is in truth the robot of Table 2, and makes 100 touches spread evenly over the jig, as
 in section 6 of the paper (the jig's shape is ours: the paper's is not legible). Touches scatter by 0.1 mm, 50 times.
-Then the same touches are identified with pivots of E'E removed below a tolerance, as equation (57) asks; their minutes
-are those of the planned order at the paper's pace of 5 mm/s; and robots whose errors are those of Table 2 times 0.1 to
-12 are identified in one linear step (50), by repeated linear steps with the nominal robot's Jacobian (55), and by
-nonlinear least squares (51).
+The real driver takes their minutes on the virtual controller, at 5 mm/s from 25 mm before each face. Then pivots of E'E
+below a tolerance are removed, as equation (57) asks. Last, robots whose errors are those of Table 2 times 0.1 to 12 are
+identified in one linear step (50), by repeated linear steps with the nominal robot's Jacobian (55), and by nonlinear
+least squares (51).
 
 Answer: to be written from a run.
 """
 
+from contextlib import closing
+from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -18,7 +22,11 @@ import numpy as np
 from identify.model.measurement import Rows, measurement_model
 from identify.report.svg import AFTER, BEFORE, OUT, Axis, Chart, axis, logarithmic, picture
 from oed.planning import PlanResult, plan
-from probe.virtual.truth import read_truth, truth_path
+from probe import Session, Settings, open_controller
+from probe import run as make_touches
+from probe.clock import Clock
+from probe.virtual.server import serve
+from probe.virtual.truth import Truth, read_truth, truth_path
 from studies.common import arc_welder, zone
 from studies.engine import Table, column, distinct, where
 from studies.many import calibrate_many, errors_in_zone, linear_identification, touch_every
@@ -31,10 +39,11 @@ METHODS = {"one linear step (50)": BEFORE, "repeated linear steps (55)": OUT, "n
 
 
 def tasks(small: bool) -> list[dict[str, Any]]:
-    """The three parts."""
+    """The four parts."""
     repeats = 3 if small else 50
     return [
         {"part": "figures", "repeats": repeats},
+        {"part": "minutes", "repeats": 1},
         {"part": "pivots", "repeats": 1},
         {"part": "error size", "repeats": repeats},
     ]
@@ -42,7 +51,7 @@ def tasks(small: bool) -> list[dict[str, Any]]:
 
 def run(rng: np.random.Generator, part: str, repeats: int) -> list[dict[str, Any]]:
     """Rows of one part; columns that it does not have stay empty in the table."""
-    parts = {"figures": _figures, "pivots": _pivots, "error size": _error_size}
+    parts = {"figures": _figures, "minutes": _minutes, "pivots": _pivots, "error size": _error_size}
     return [{"part": part, **row} for row in parts[part](rng, repeats)]
 
 
@@ -67,10 +76,25 @@ def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
         {
             "initial_rms_mm": float(np.sqrt((before[k] ** 2).mean())), "initial_max_mm": float(np.abs(before[k]).max()),
             "final_rms_mm": float(np.sqrt((after[k] ** 2).mean())), "final_max_mm": float(np.abs(after[k]).max()),
-            "zone_rms_mm": float(np.sqrt((error[k] ** 2).mean())), "minutes": planned.minutes,
+            "zone_rms_mm": float(np.sqrt((error[k] ** 2).mean())),
         }
         for k in range(repeats)
     ]  # fmt: skip
+
+
+def _minutes(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
+    """What the touches take on the virtual controller, by its own clock, through the driver and a pseudo-terminal."""
+    cell, made = arc_welder(), _planned().plan
+    slow = replace(cell, touch=replace(cell.touch, speed=5.0))
+    with (
+        serve(slow, Truth(cell.theta), speed=np.inf, start=made.approach[0]) as served,
+        TemporaryDirectory() as folder,
+        closing(open_controller(served.url, "line", cell.robot, clock=Clock(1.0, served.clock.now))) as controller,
+    ):
+        clock = Clock(1.0, served.clock.now)
+        with Session(Path(folder) / "touches.csv", slow, made, clock=clock) as session:
+            finished = make_touches(made, controller, session, Settings(trust_position=True), clock=clock)
+    return [{"minutes": finished.seconds / 60, "hits": float(finished.hits)}]
 
 
 def _residuals(q: np.ndarray, planned: PlanResult, theta: np.ndarray) -> np.ndarray:
@@ -144,7 +168,7 @@ def _error_size(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 def answer(table: Table) -> str:
     """Ours beside the paper's, and where each method breaks."""
     figures = where(table, part="figures")
-    said = {"minutes": float(np.median(column(figures, "minutes")))}
+    said = {"minutes": where(table, part="minutes")["minutes"][0]}
     said |= {name: float(np.median(column(figures, name))) for name in PAPER if name.endswith("_mm")}
     lines = [f"{name}: {said[name]:.3f} (paper {PAPER[name]})" for name in said]
     lines.append(f"tip error in the zone, RMS: {np.median(column(figures, 'zone_rms_mm')):.3f} mm (paper: not told)")
@@ -158,9 +182,9 @@ def answer(table: Table) -> str:
     sizes = where(table, part="error size")
     for method in METHODS:
         some = where(sizes, method=method)
-        good = column(some, "zone_rms_mm") < 0.2
+        good = column(some, "zone_rms_mm") < 0.5
         largest = column(some, "initial_zone_rms_mm")[good].max(initial=0.0)
-        lines.append(f"{method}: below 0.2 mm up to an initial error of {largest:.1f} mm")
+        lines.append(f"{method}: below 0.5 mm up to an initial error of {largest:.1f} mm")
     return "\n".join(lines)
 
 
