@@ -118,9 +118,10 @@ def joined(tables: Sequence[Table]) -> Table:
     """Tables one below the other; a column that one of them does not have is empty there."""
     names = list(dict.fromkeys(name for table in tables for name in table))
     lengths = [len(next(iter(table.values()))) for table in tables]
-    empty = float("nan")
+    words = {name for table in tables for name, cells in table.items() if any(isinstance(c, str) for c in cells)}
+    empty = {name: "" if name in words else float("nan") for name in names}
     return {
-        name: [cell for t, n in zip(tables, lengths, strict=True) for cell in t.get(name, [empty] * n)]
+        name: [cell for t, n in zip(tables, lengths, strict=True) for cell in t.get(name, [empty[name]] * n)]
         for name in names
     }
 

@@ -6,7 +6,12 @@ parameters of every link, with the five of the paper, and the size of the larges
 parameters can hold the tilt only by moving the common normal of the two axes far away. Then every link gets all six
 errors that a frame can have, and the rank tells how many of them the tip shows.
 
-Answer: to be written from a run.
+Answer: four parameters cannot hold the tilt, five can, and a sixth shows nothing new. With axis 3 tilted by 0.01
+degrees the identified four-parameter robot is wrong by 0.10 mm RMS in the weld zone, with 1 degree by 10.1 mm, in
+proportion to the tilt: the model that would fit has its common normal 2 km away at 0.01 degrees and 20 m away at 1
+degree (350 mm / sin(tilt)), and no step leads there from axes that are parallel. With beta the error is below 1e-8 mm
+at every tilt. Of the 36, 42 and 48 parameters that models with four, five and six a link have, the tip shows 24, 25 and
+25 combinations.
 """
 
 from dataclasses import replace

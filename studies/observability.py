@@ -6,7 +6,11 @@ neighbourhood of random width, every index of the table is computed; 40 robots d
 are identified, and their tip is compared with the truth at 200 poses of the weld zone. Printed is Spearman's rank
 correlation of each index with the RMS tip error, signed so that 1 means: the better the index, the smaller the error.
 
-Answer: to be written from a run.
+Answer: yes. Over 500 sets the rank correlation with the tip error is 0.93 for V, 0.92 for G, O1, D and O5, 0.91 for A
+and 0.89 for O2, O3, O4 and E: Borm and Menq's claim holds. That is mostly the sets that see too little. Among the 250
+sets drawn from all touches, where the error differs by a factor of three, it is 0.68 for V, 0.63 for G, 0.62 for O5,
+0.61 for O1 and D, 0.56 for A and 0.46 to 0.48 for O2, O3, O4 and E: the tip variance in the zone itself tells the most,
+and indices that look at the smallest singular value alone tell the least.
 """
 
 from typing import Any

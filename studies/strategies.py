@@ -18,9 +18,9 @@ from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import Chart, colour, logarithmic, picture
 from oed.criteria import CRITERIA
 from oed.offer import offer, plan_of
-from oed.planning import plan
+from oed.planning import COUNT, plan
 from oed.strategies import Setting
-from studies.common import arc_welder, zone
+from studies.common import FEW, arc_welder, zone
 from studies.engine import Table, column, distinct, where
 from studies.many import (
     ManyTouches,
@@ -39,18 +39,20 @@ OTHERS = ("even", "random", "robust", "sequential")
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """Every strategy at every number of touches."""
-    names, numbers = [*OTHERS[:2], *CRITERIA, *OTHERS[2:]], NUMBERS
+    names, numbers = [*OTHERS[:2], *CRITERIA, *OTHERS[2:]], list(NUMBERS)
     if small:
-        names, numbers = ["even", "V"], (33,)
+        names, numbers = ["even", "V"], [33]
     robots = {"sequential": SEQUENTIAL}
-    return [{"name": m, "n": n, "robots": 8 if small else robots.get(m, ROBOTS)} for m in names for n in numbers]
+    size = {"robots": 8, "offered": FEW} if small else {"robots": ROBOTS, "offered": COUNT}
+    some = {name: size if small else size | {"robots": robots.get(name, ROBOTS)} for name in names}
+    return [{"name": name, "n": n, **some[name]} for name in names for n in numbers]
 
 
-def run(rng: np.random.Generator, name: str, n: int, robots: int) -> list[dict[str, Any]]:
+def run(rng: np.random.Generator, name: str, n: int, robots: int, offered: int) -> list[dict[str, Any]]:
     """One row a robot: its tip error in the zone after calibration."""
     cell = arc_welder()
     theta = draw_many(cell, robots, rng)
-    found = _sequential(rng, n, theta) if name == "sequential" else _at_once(rng, name, n, theta)
+    found = _sequential(rng, n, theta, offered) if name == "sequential" else _at_once(rng, name, n, theta, offered)
     error = errors_in_zone(cell, theta, found, zone(200))
     return [
         {
@@ -61,28 +63,28 @@ def run(rng: np.random.Generator, name: str, n: int, robots: int) -> list[dict[s
     ]  # fmt: skip
 
 
-def chosen(rng: np.random.Generator, name: str, n: int) -> Plan:
+def chosen(rng: np.random.Generator, name: str, n: int, offered: int) -> Plan:
     """The touches of a strategy; `name` is even, random, robust or an index to optimise."""
     options: dict[str, Any] = {"strategy": name} if name in ("even", "random") else {"strategy": "optimal"}
     options |= {"criterion": name} if name in CRITERIA else {}
     options |= {"robust": 8} if name == "robust" else {}
-    return plan(arc_welder(), n, rng=rng, **options).plan
+    return plan(arc_welder(), n, rng=rng, count=offered, **options).plan
 
 
-def _at_once(rng: np.random.Generator, name: str, n: int, theta: np.ndarray) -> np.ndarray:
-    cell, planned = arc_welder(), chosen(rng, name, n)
+def _at_once(rng: np.random.Generator, name: str, n: int, theta: np.ndarray, offered: int) -> np.ndarray:
+    cell, planned = arc_welder(), chosen(rng, name, n, offered)
     proud = draw_faces(cell, planned, len(theta), rng)
     return calibrate_many(cell, touch_every(cell, theta, planned, rng, proud=proud), eliminate=False).theta
 
 
-def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray) -> np.ndarray:
+def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int) -> np.ndarray:
     """Robots identified from touches of which the later ones were planned after the first were made."""
-    cell, first = arc_welder(), chosen(rng, "V", FIRST)
+    cell, first = arc_welder(), chosen(rng, "V", FIRST, count)
     found = []
     for true in theta[:, None]:
         made = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
         if n > FIRST:
-            offered = offer(cell, rng, after=calibrate(cell, *made, folds=0, eliminate=False))
+            offered = offer(cell, rng, after=calibrate(cell, *made, folds=0, eliminate=False), count=count)
             rest = plan_of(Setting(offered, "V", "optimal", rng).quickly(n - FIRST))
             made.append(_touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b"))
         found.append(calibrate(cell, *made, folds=0, eliminate=False).theta)

@@ -5,7 +5,12 @@ priors, with faces off by their tolerances, make each set with touches that scat
 are identified; the tip is compared with the truth at 200 poses of the zone. The promise is the plan's own, for the
 cell's scatter of 0.05 mm.
 
-Answer: to be written from a run.
+Answer: with touches that scatter by 0.05 mm, 33 of them leave 0.27 mm (95 % over robots and poses), 50 leave 0.15, 100
+leave 0.11 and 200 leave 0.10; the tolerances of the faces, 0.02 mm each, are the floor that more touches do not lower:
+with a scatter of 0.02 mm it stays at 0.08 mm from 100 touches on. The plan promises 0.16, 0.13, 0.10 and 0.08 mm: what
+it foretells for a robot near its drawing is exceeded by a fifth at 50 touches and by a tenth at 100 where the robot is
+tens of millimetres off, and by far below 33, so plan a second set after the first. Half the scatter is worth about
+twice the touches.
 """
 
 from typing import Any
@@ -13,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from identify.report.svg import OUT, Chart, colour, logarithmic, picture
-from oed.planning import plan
-from studies.common import arc_welder, zone
+from oed.planning import COUNT, plan
+from studies.common import FEW, arc_welder, zone
 from studies.engine import Table, column, distinct, where
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
 
@@ -25,13 +30,14 @@ ROBOTS = 200
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """One set of touches a task."""
-    return [{"n": n, "robots": 8 if small else ROBOTS} for n in (NUMBERS[1:2] if small else NUMBERS)]
+    size = {"robots": 8, "offered": FEW} if small else {"robots": ROBOTS, "offered": COUNT}
+    return [{"n": n, **size} for n in (NUMBERS[1:2] if small else NUMBERS)]
 
 
-def run(rng: np.random.Generator, n: int, robots: int) -> list[dict[str, Any]]:
+def run(rng: np.random.Generator, n: int, robots: int, offered: int) -> list[dict[str, Any]]:
     """One row a scatter: the tip error over robots and poses, and what the plan promised."""
     cell = arc_welder()
-    planned = plan(cell, n, rng=rng)
+    planned = plan(cell, n, rng=rng, count=offered)
     theta, proud = draw_many(cell, robots, rng), draw_faces(cell, planned.plan, robots, rng)
     rows = []
     for sigma in SIGMAS:
