@@ -7,6 +7,7 @@ swaps with every candidate there is, and the relaxation's bound says how much be
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -55,8 +56,8 @@ def exact_design(
     prior: Float[np.ndarray, "parameters parameters"] | None = None,
     zone: np.ndarray | None = None,
     fixed: Int[np.ndarray, " fixed"] | None = None,
-    face: Int[np.ndarray, " candidates"] | None = None,
-    quotas: Mapping[int, tuple[int, int]] | None = None,
+    face: np.ndarray | None = None,
+    quotas: Mapping[Any, tuple[int, int]] | None = None,
     positions: Float[np.ndarray, "candidates axes"] | None = None,
     min_distance: float = 0.0,
     repeats: bool = False,
@@ -65,9 +66,9 @@ def exact_design(
 ) -> ExactDesign:
     """The n touches, `fixed` ones included, that are best by a criterion; or as many as fit a `budget` of `cost`.
 
-    `quotas` are the smallest and largest number of touches per face; no two touches are closer than `min_distance` in
-    `positions`. The search makes `iterations` local searches and is the same for the same `rng`; with `seconds` it
-    goes on until they are over, and what it finds depends on the machine.
+    `quotas` are the smallest and largest number of touches per `face` (a number or a name); no two touches are closer
+    than `min_distance` in `positions`. The search makes `iterations` local searches and is the same for the same `rng`;
+    with `seconds` it goes on until they are over, and what it finds depends on the machine.
     """
     question = task(
         rows, n, criterion, prior=prior, zone=zone, fixed=fixed, face=face, quotas=quotas, positions=positions,

@@ -13,7 +13,7 @@ from oed.swaps import NEVER, Members, Square, Swaps, Table
 
 BLURS = (0.05, 0.2, 0.6)  # relative spread of the neighbourhoods
 SAMPLES = 16  # points in each
-FEW = 64  # swaps that are computed
+FEW = 16  # swaps that are computed
 STEP = 1e-5  # of the finite differences, relative
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -64,7 +65,7 @@ def task(
     zone: np.ndarray | None,
     fixed: np.ndarray | None,
     face: np.ndarray | None,
-    quotas: Mapping[int, tuple[int, int]] | None,
+    quotas: Mapping[Any, tuple[int, int]] | None,
     positions: np.ndarray | None,
     min_distance: float,
     repeats: bool,
@@ -157,7 +158,7 @@ def _places(
 
 def _quotas(
     face: np.ndarray | None,
-    quotas: Mapping[int, tuple[int, int]] | None,
+    quotas: Mapping[Any, tuple[int, int]] | None,
     taken: Members,
     count: int,
     slots: int,
@@ -169,10 +170,10 @@ def _quotas(
     if face is None or np.shape(face) != (count,):
         raise ValueError(f"quotas: they need `face`, the face of each of the {count} candidates")
     names, group = np.unique(np.asarray(face), return_inverse=True)
-    missing = [name for name, (low, _) in quotas.items() if low > 0 and name not in names]
+    missing = [name for name, (low, _) in quotas.items() if low > 0 and name not in names.tolist()]
     if missing:
         raise ValueError(f"quota of face {missing[0]}: no candidate lies on it")
-    limits = np.array([quotas.get(int(name), (0, slots + len(taken))) for name in names], dtype=int).reshape(-1, 2)
+    limits = np.array([quotas.get(name, (0, slots + len(taken))) for name in names.tolist()], dtype=int).reshape(-1, 2)
     done = np.bincount(group[taken], minlength=len(names))
     low, high = np.maximum(limits[:, 0] - done, 0), limits[:, 1] - done
     has = np.full(len(names), count) if repeats else np.bincount(group, minlength=len(names)) - done

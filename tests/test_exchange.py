@@ -79,6 +79,15 @@ def test_quotas_and_fixed_touches_get_the_optimum_among_the_sets_that_keep_them(
     assert best <= worth(name, rows, design.indices, zone) / design.efficiency * (1 + 1e-9)
 
 
+def test_quotas_call_faces_by_name():
+    rows, _, _ = problem(7)
+    face = np.array(["top", "side"])[np.arange(12) % 2]
+
+    design = exact_design(rows, 6, face=face, quotas={"top": (5, 6)})
+
+    assert np.sum(face[design.indices] == "top") >= 5
+
+
 @pytest.mark.parametrize("name", ["D", "A", "G"])
 def test_touches_keep_their_distance_and_are_the_best_that_do(name):
     rows, zone, rng = problem(8)
