@@ -184,10 +184,5 @@ def provisional(cell: Cell, belief: Belief) -> Calibration:
 
 def believed(cell: Cell, theta: Float[np.ndarray, " parameters"]) -> Cell:
     """The cell with its robot as it is believed to be, in place of its drawing: for motions near the jig."""
-    links = cell.robot.link_values(theta)
-    joints = tuple(
-        replace(joint, theta=theta_, d=d, a=a, alpha=alpha, beta=beta)
-        for joint, (theta_, d, a, alpha, beta) in zip(cell.robot.joints, links.tolist(), strict=True)
-    )
-    robot = replace(cell.robot, joints=joints, error_values=tuple(cell.robot.error_amounts(theta).tolist()))
+    robot = cell.robot.identified(theta)
     return replace(cell, robot=robot, base=theta[:6].copy(), tool=theta[-6:].copy())

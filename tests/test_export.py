@@ -3,6 +3,7 @@
 import csv
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -437,3 +438,32 @@ def test_a_format_reads_back_what_it_writes_of_a_robot_as_drawn(name, arc_welder
 def test_a_format_that_is_not_known_is_refused_by_name(arc_welder):
     with pytest.raises(InputError, match="format 'sdf' is not known; choose one of urdf, ur-yaml"):
         export(identified(arc_welder, arc_welder.theta), "sdf")
+
+
+@pytest.fixture
+def bending(rng):
+    """A calibration of a robot that bends and turns unevenly."""
+    cell = cell_of(read_robot(library("robots")["irb120"]))
+    cell = replace(cell, robot=replace(cell.robot, errors=("harmonics", "compliance")))
+    theta = cell.theta.copy()
+    theta[11] += np.radians(0.3)  # of joint 2: weights hang where the drawing has them
+    theta[36:-6] = 0.5 * cell.scale[36:-6] * rng.standard_normal(len(theta) - 42)
+    return identified(cell, theta)
+
+
+def test_joint_errors_travel_in_json(bending):
+    assert export(bending, "json").deviation.max_mm < MICRO
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "json"])
+def test_a_format_that_holds_geometry_only_says_what_that_costs(name, bending, rng):
+    made = export(bending, name)
+
+    assert "without harmonics, compliance" in made.notes[0]
+    assert f"{made.deviation.mean_mm:.3f} mm" in made.notes[0]
+    nothing = bending.theta.copy()
+    nothing[bending.cell.robot.parameters.index("j1.cos1") : -6] = 0.0
+    q = draws(bending.cell.robot, rng, 200)
+    tip = bending.cell.kinematics.tip
+    left_out = np.linalg.norm(tip(q, bending.theta)[0] - tip(q, nothing)[0], axis=1).mean()
+    assert 0.01 < made.deviation.mean_mm < left_out or name == "mastering-text"  # links carry some of it

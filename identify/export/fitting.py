@@ -1,6 +1,7 @@
 """Fit a poorer model to an identified one: the parameters that a format can carry, and nothing else."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -42,6 +43,29 @@ def fitted(
         if np.abs(move).max() < ENOUGH:
             break
     return theta
+
+
+def geometric(calibration: Calibration) -> Calibration:
+    """The robot without joint errors whose tips come nearest to the identified one; itself where it has none."""
+    robot = calibration.cell.robot
+    if not robot.errors:
+        return calibration
+    beyond = {name for name, _, _ in robot.error_parameters}
+    start = calibration.theta.copy()
+    start[[name in beyond for name in robot.parameters]] = 0.0
+    theta = fitted(calibration, [name for name in robot.parameters if name not in beyond], start)
+    kept = np.array([name not in beyond for name in robot.parameters])
+    told = np.array([name not in beyond for name in calibration.estimated])
+    bare = replace(robot, errors=(), error_values=())
+    return replace(
+        calibration,
+        cell=replace(calibration.cell, robot=bare, fixed=calibration.cell.fixed - beyond,
+                     bounds={k: v for k, v in calibration.cell.bounds.items() if k not in beyond}),
+        theta=theta[kept], start=calibration.start[kept],
+        estimated=tuple(name for name in calibration.estimated if name not in beyond),
+        covariance=calibration.covariance[np.ix_(told, told)],
+        combinations={k: v for k, v in calibration.combinations.items() if k not in beyond},
+    )  # fmt: skip
 
 
 def independent(calibration: Calibration, names: Sequence[str]) -> list[str]:

@@ -50,6 +50,7 @@ class Format:
     suffix: str
     write: Callable[[Calibration, Original | None], tuple[Mapping[str, str], tuple[str, ...]]]
     read: Callable[[Mapping[str, str], Calibration], Forward]  # jig_T_tip of what was written
+    beyond: bool = False  # whether it takes robots with joint errors, not only geometry
 
 
 def deviation(calibration: Calibration, forward: Forward) -> Deviation:

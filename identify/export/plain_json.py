@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
@@ -13,25 +12,18 @@ from identify.model.calibration import Calibration
 from identify.model.entries import pose_entry, pose_of, robot_entry, robot_of
 from identify.model.frames import transform
 from identify.model.kinematics import Kinematics
-from identify.model.robot import LINK_NAMES
 from identify.model.schema import PoseEntry, RobotFile
 
 
 def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """The JSON text."""
     robot = calibration.cell.robot
-    links = robot.link_values(calibration.theta)
-    joints = tuple(
-        replace(joint, **dict(zip(LINK_NAMES, map(float, link), strict=True)))  # type: ignore[arg-type]
-        for joint, link in zip(robot.joints, links, strict=True)
-    )
-    amounts = robot.error_amounts(calibration.theta)
     entry = {
         "touchcal": version("touchcal"),
         "inputs": dict(calibration.inputs),
         "base": pose_entry(calibration.theta[:6]),
         "tool": pose_entry(calibration.theta[-6:]),
-        "robot": robot_entry(replace(robot, joints=joints, error_values=tuple(amounts.tolist()))),
+        "robot": robot_entry(robot.identified(calibration.theta)),
     }
     return {".json": json.dumps(entry, indent=1) + "\n"}, ()
 
@@ -51,4 +43,4 @@ def read(files: Mapping[str, str], calibration: Calibration) -> Forward:
     return tip
 
 
-FORMAT = Format(".json", write, read)
+FORMAT = Format(".json", write, read, beyond=True)

@@ -14,6 +14,7 @@ from identify.model.jig import Box, Face, Jig
 from identify.model.robot import POSE_NAMES, Capsule, Joint, Robot
 
 POSE_KEYS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
+LINK_UNIT = np.array([DEG, 1.0, 1.0, DEG, DEG])
 POSE_UNIT = np.array([1.0, 1.0, 1.0, DEG, DEG, DEG])
 
 
@@ -48,6 +49,7 @@ def robot_of(file: schema.RobotFile) -> Robot:
     first, flange = (transform(np.asarray(pose_of(entry))) for entry in (file.base_to_first, file.last_to_flange))
     robot = Robot(
         file.name, joints, file.source, capsules, first, flange, errors=tuple(file.errors), up=file.up,
+        drawing=tuple(tuple((np.array(link) * LINK_UNIT).tolist()) for link in file.drawing),
         payload=_payload(file.payload), temperature=file.temperature_c,
     )  # fmt: skip
     unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
@@ -90,6 +92,7 @@ def robot_entry(robot: Robot) -> dict[str, Any]:
         "last_to_flange": pose_entry(pose(robot.last_T_flange)),
         "errors": list(robot.errors),
         "error_values": {name: value / unit[name] for name, value in zip(names, robot.error_values, strict=False)},
+        "drawing": [(np.array(link) / LINK_UNIT).tolist() for link in robot.drawing],
         "up": robot.up,
         "payload": _payload_entry(robot),
         "temperature_c": robot.temperature,

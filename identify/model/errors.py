@@ -68,7 +68,7 @@ class Arm:
         """Rotation and origin [mm] of link frames 0 to N in the base frame, by the nominal dimensions."""
         R, p = ca.SX(self.robot.base_T_first[:3, :3]), ca.SX(self.robot.base_T_first[:3, 3])
         found = [(R, p)]
-        for i, (theta, d, a, alpha, beta) in enumerate(self.robot.links.reshape(-1, 5).tolist()):
+        for i, (theta, d, a, alpha, beta) in enumerate(self.robot.drawn):
             slides = self.robot.prismatic[i]
             turn, slide = (ca.SX(theta), d + self.q[i]) if slides else (theta + self.q[i], ca.SX(d))
             c, s = ca.cos(turn), ca.sin(turn)

@@ -1,6 +1,6 @@
 """What a serial robot is: joints, their five link parameters each, and the names of all parameters."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,6 +57,7 @@ class Robot:
     last_T_flange: Float[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))  # behind the last joint's frame
     errors: tuple[str, ...] = ()  # rows of ERROR_MODELS that this robot has
     error_values: tuple[float, ...] = ()  # inside units; empty: all zero, which is a robot without errors
+    drawing: tuple[tuple[float, ...], ...] = ()  # five a joint [rad] or [mm]: where weights hang, if not by `joints`
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)  # against gravity, in the base frame
     payload: tuple[float, tuple[float, float, float]] | None = None  # [kg] and its centre [mm] in the flange frame
     temperature: float = 20.0  # [degC] for which the dimensions are
@@ -135,6 +136,21 @@ class Robot:
     def links(self) -> Float[np.ndarray, " links"]:
         """Nominal link parameters of all joints, five each [rad] or [mm]."""
         return np.array([value for joint in self.joints for value in joint.link])
+
+    @property
+    def drawn(self) -> tuple[tuple[float, ...], ...]:
+        """Link parameters by the drawing, which error models take for the dimensions of the arm."""
+        return self.drawing or tuple(joint.link for joint in self.joints)
+
+    def identified(self, theta: Float[np.ndarray, " parameters"]) -> "Robot":
+        """The robot whose nominal links and errors are these parameters; weights hang where they did."""
+        links = self.link_values(theta).tolist()
+        joints = tuple(
+            replace(joint, **dict(zip(LINK_NAMES, link, strict=True)))
+            for joint, link in zip(self.joints, links, strict=True)
+        )
+        drawing, errors = self.drawn if self.errors else (), tuple(self.error_amounts(theta).tolist())
+        return replace(self, joints=joints, drawing=drawing, error_values=errors)
 
     def theta(self, base: Float[np.ndarray, " 6"], tool: Float[np.ndarray, " 6"]) -> Float[np.ndarray, " parameters"]:
         """The parameter vector of this robot standing at `base` and carrying `tool` [mm, rad]."""

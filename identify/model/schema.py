@@ -81,6 +81,7 @@ class RobotFile(Strict):
     last_to_flange: PoseEntry = PoseEntry()
     errors: list[str] = []
     error_values: dict[str, Number] = {}
+    drawing: list[tuple[Number, Number, Number, Number, Number]] = []  # theta_deg, d_mm, a_mm, alpha_deg, beta_deg
     up: Vector = (0.0, 0.0, 1.0)
     payload: PayloadEntry | None = None
     temperature_c: Number = 20.0
