@@ -1,11 +1,12 @@
 """Ways of the tip between approach points that keep out of the jig, by what the touches so far tell of the robot."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from probe.paths import Geometry
+from probe.paths import STEP, Geometry
 
 NEAR = 4.0  # [mm] from the jig that a way may come; planners keep a little more
 CLEAR = 15.0  # [mm], on ways that no planner has seen
@@ -35,9 +36,13 @@ class Ways:
         return [] if self.geometry.blocked(way[:-1], way[1:]).any() else [*via, goal]
 
     def _blocked(
-        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], margin: float
+        self,
+        start: Float[np.ndarray, "ways joints"],
+        end: Float[np.ndarray, "ways joints"],
+        margin: float,
+        step: float = STEP,
     ) -> Bool[np.ndarray, " ways"]:
-        return self.geometry.blocked(start, end, margin, self.theta)
+        return self.geometry.blocked(start, end, margin, self.theta, step)
 
     def _around(self, start: Joints, goal: Joints, margin: float) -> list[Joints]:
         """The shortest way over approach points, those along the plan preferred."""
@@ -48,12 +53,17 @@ class Ways:
         a, b = np.triu_indices(len(q), 1)
         cost = np.linalg.norm(tip[a] - tip[b], axis=1) + np.where((b == a + 1) & (a > 0), 0.0, UNPLANNED)
         dense = np.full((len(q), len(q)), np.inf)
-        dense[a, b] = np.where(self._blocked(q[a], q[b], margin), np.inf, cost)
-        graph = csgraph_from_dense(dense, null_value=np.inf)
-        distance, before = dijkstra(graph, directed=False, indices=np.array([0]), return_predecessors=True)
-        if not np.isfinite(distance[0, -1]):
-            return []
-        way = [len(q) - 1]
-        while before[0, way[0]] != 0:
-            way.insert(0, int(before[0, way[0]]))
-        return [q[i] for i in way]
+        dense[a, b] = np.where(self._blocked(q[a], q[b], margin, np.inf), np.inf, cost)
+        while True:  # a coarse look lets some ways pass that a closer one does not
+            graph = csgraph_from_dense(dense, null_value=np.inf)
+            distance, before = dijkstra(graph, directed=False, indices=np.array([0]), return_predecessors=True)
+            if not np.isfinite(distance[0, -1]):
+                return []
+            way = [len(q) - 1]
+            while way[0] != 0:
+                way.insert(0, int(before[0, way[0]]))
+            legs = np.array(list(pairwise(way)))
+            blocked = legs[self._blocked(q[legs[:, 0]], q[legs[:, 1]], margin)]
+            if not len(blocked):
+                return [q[i] for i in way[1:]]
+            dense[blocked.min(axis=1), blocked.max(axis=1)] = np.inf
