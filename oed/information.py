@@ -13,6 +13,7 @@ from identify.model.files import InputError
 from identify.model.identifiability import Identifiability, structure
 from identify.model.measurement import MeasurementModel, Rows
 
+BUILT = 2  # seed of the signs of what is off
 LOOSE = 1e-12  # precision of what nothing is known of
 
 
@@ -31,6 +32,12 @@ class Knowledge:
     ]  # what the estimator assumes before the first touch, in the whitened basis
     spread: Float[np.ndarray, "kept kept"]  # covariance of what the kept parameters have to explain, whitened
     deviation: Float[np.ndarray, "parameters parameters"]  # covariance of all parameters [mm, rad]
+    built: Float[np.ndarray, " parameters"] | None = None  # [mm, rad], a robot as it may be built: rows are taken there
+
+    @property
+    def typical(self) -> Float[np.ndarray, " parameters"]:
+        """The robot whose touches are weighed [mm, rad]."""
+        return self.theta if self.built is None else self.built
 
     @cached_property
     def kept(self) -> list[int]:
@@ -58,14 +65,14 @@ class Knowledge:
         m, wire = len(q), self.cell.wire
         radius = np.full(m, wire.radius if wire.shape == "flat" else 0.0)
         touches = Rows(q, normal, np.zeros(m), radius, sigma, (), np.arange(m))
-        J = self.model.linearize(self.theta if theta is None else theta, touches)[1]
+        J = self.model.linearize(self.typical if theta is None else theta, touches)[1]
         return J[:, self.kept] * self.scale / sigma[:, None]
 
     def tip_rows(
         self, q: Float[np.ndarray, "poses joints"], theta: Float[np.ndarray, " parameters"] | None = None
     ) -> Float[np.ndarray, "poses 3 kept"]:
         """How the tip moves with the whitened parameters [mm]."""
-        J = self.cell.kinematics.tip_jacobian(q, self.theta if theta is None else theta)[1]
+        J = self.cell.kinematics.tip_jacobian(q, self.typical if theta is None else theta)[1]
         return J[:, :, self.kept] * self.scale
 
     def covariance(self, rows: Float[np.ndarray, "touches kept"]) -> Float[np.ndarray, "kept kept"]:
@@ -114,6 +121,21 @@ def nominal_knowledge(cell: Cell) -> Knowledge:
     known = (cell.scale / cell.prior)[list(found.kept)]
     deviation = np.where([name in cell.fixed for name in found.names], 0.0, cell.prior)
     return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found), np.diag(deviation**2))
+
+
+def built_knowledge(cell: Cell) -> Knowledge:
+    """What drawing and tolerances tell, seen from a robot as it may be built: each parameter off by its tolerance.
+
+    Axes that are parallel on the drawing are not on such a robot, so that touches have more parameters to tell apart:
+    a plan for the drawing alone leaves these to their tolerances, and misses the weld zone by a third more.
+    """
+    nominal = nominal_knowledge(cell)
+    lower, upper = np.array([cell.bounds.get(name, (-np.inf, np.inf)) for name in cell.robot.parameters]).T
+    sign = np.sign(np.random.default_rng(BUILT).standard_normal(len(nominal.theta)))
+    built = np.clip(nominal.theta + sign * np.sqrt(np.diag(nominal.deviation)), lower, upper)
+    found = structure(cell, built)
+    names, spread = tuple(cell.robot.parameters[i] for i in found.kept), _spread(cell, found)
+    return replace(nominal, names=names, precision=np.linalg.inv(spread), spread=spread, built=built)
 
 
 def prior_knowledge(cell: Cell, calibration: Calibration) -> Knowledge:

@@ -12,7 +12,7 @@ from identify.model.touch import Plan
 from identify.model.zone import zone_poses
 from oed.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.clearance import CLEAR
-from oed.information import Knowledge, knowledge_after, nominal_knowledge, touch_sigma
+from oed.information import Knowledge, built_knowledge, knowledge_after, nominal_knowledge, touch_sigma
 from oed.inset import SIGMAS
 from oed.judgement import Judge
 from oed.roadmap import Roadmap, lifts
@@ -25,8 +25,10 @@ from oed.zone import Promise, promise
 class Offer:
     """Touches on offer, and what is known before them."""
 
-    known: Knowledge
+    known: Knowledge  # by which touches are chosen
     found: Candidates
+    drawing: Knowledge | None = field(default=None, kw_only=True)  # by which indices are told; None: the same
+    told: Knowledge | None = field(default=None, kw_only=True)  # by which is told what they will bring; None: the same
     lifting: bool = field(default=True, kw_only=True)  # whether the robot may pass other postures between touches
 
     @cached_property
@@ -37,7 +39,7 @@ class Offer:
     @cached_property
     def rows(self) -> Float[np.ndarray, "touches kept"]:
         """What every touch tells, whitened."""
-        return self.rows_at(self.known.theta)
+        return self.rows_at(self.known.typical)
 
     def rows_at(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "touches kept"]:
         """What every touch would tell of a robot with other parameters."""
@@ -103,9 +105,13 @@ class Offer:
 
     def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
         """The tip error to expect in the zone after some touches, each made so many `times`."""
-        names = touches.names()
-        rows = self.known.rows(touches.q, touches.normal, touch_sigma(self.known.cell, names))
-        return promise(self.tip, self.known.error(rows, names, times))
+        told, names = self.told or self.known, touches.names()
+        rows = told.rows(touches.q, touches.normal, touch_sigma(told.cell, names))
+        return promise(self._told_tip, told.error(rows, names, times))
+
+    @cached_property
+    def _told_tip(self) -> Float[np.ndarray, "poses 3 kept"]:
+        return self.tip if self.told is None else self.told.tip_rows(self.zone)
 
 
 def offer(
@@ -116,14 +122,21 @@ def offer(
     count: int = COUNT,
     structured: bool = True,
     lifting: bool = True,
+    built: bool = False,
 ) -> Offer:
-    """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly."""
+    """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly.
+
+    With `built`, touches are chosen for a robot as it may be built, and not for the drawing.
+    """
     if after is not None:
         cell = _placed(cell, after)
     known = nominal_knowledge(cell) if after is None else knowledge_after(cell, after)
     share = STRUCTURED if structured else 0.0
     found = candidates(cell, rng, count, theta=known.theta, covariance=known.deviation, structured=share)
-    return Offer(known, found, lifting=lifting)
+    if after is not None:
+        return Offer(known, found, lifting=lifting)
+    told = built_knowledge(cell)
+    return Offer(told if built else known, found, drawing=known, told=told, lifting=lifting)
 
 
 def _placed(cell: Cell, after: Calibration) -> Cell:

@@ -9,11 +9,12 @@ import numpy as np
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.files import InputError, nearest
+from identify.model.identifiability import structure
 from identify.model.touch import Plan
 from oed.accuracy import curve, smallest
 from oed.criteria import CRITERIA, score
 from oed.information import touch_sigma
-from oed.offer import Offer, offer, plan_of
+from oed.offer import offer, plan_of
 from oed.roadmap import with_via
 from oed.sequence import Order
 from oed.strategies import STRATEGIES, Choice, Setting
@@ -72,15 +73,21 @@ def plan(
     rng = np.random.default_rng(0) if rng is None else rng
     say = progress or (lambda what, share: None)
     _check(n, target, criterion, strategy)
+    least = structure(cell).rank if after is None else 1
+    if n is not None:
+        _enough(cell, n, least)
     say("finding touches that can be made", 0.0)
-    offered = offer(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
+    offered = offer(
+        cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting,
+        built=CRITERIA[criterion].needs_zone,
+    )  # fmt: skip
     setting = Setting(offered, criterion, strategy, rng, robust, worst)
-    least = len(offered.known.names) if after is None else 1
     if target is not None:
         say("looking for the number of touches", 0.3)
         n = smallest(offered, target, least, setting.quickly)
     n = 50 if n is None else n
-    _enough(offered, n, least)
+    if n > len(offered.found):
+        raise InputError(f"{n} touches are asked for, and only {len(offered.found)} were found that can be made")
     choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
     say("done", 1.0)
     return _result(setting, choice, least)
@@ -114,35 +121,35 @@ def _check(n: int | None, target: float | None, criterion: str, strategy: str) -
         raise InputError("a number of touches and a target are given; give one, the other follows from it")
 
 
-def _enough(offered: Offer, n: int, least: int) -> None:
-    """Raise InputError where n touches can never determine the parameters, or cannot be had."""
+def _enough(cell: Cell, n: int, least: int) -> None:
+    """Raise InputError where n touches can never determine the parameters."""
     if n < 1:
         raise InputError(f"{n} touches are asked for, expected a number above 0")
     if n < least:
         raise InputError(
             f"{n} touches cannot determine the {least} identifiable parameters of robot "
-            f"'{offered.known.cell.robot.name}'; plan at least {least}, better {2 * least}"
+            f"'{cell.robot.name}'; plan at least {least}, better {2 * least}"
         )
-    if n > len(offered.found):
-        raise InputError(f"{n} touches are asked for, and only {len(offered.found)} were found that can be made")
 
 
 def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
     """What a chosen set promises."""
     offered, touches = setting.offered, choice.touches
+    known = offered.drawing or offered.known
     made = with_via(plan_of(touches), choice.order.via)
-    rows = offered.known.rows(touches.q, touches.normal, touch_sigma(offered.known.cell, touches.names()))
+    sigma = touch_sigma(known.cell, touches.names())
+    rows = known.rows(touches.q, touches.normal, sigma)
+    tip = known.tip_rows(offered.zone)
+    pool = known.rows(offered.found.q, offered.found.normal, offered.sigma)
+    chosen_by = offered.known
+    left = chosen_by.covariance(chosen_by.rows(touches.q, touches.normal, sigma))
     return PlanResult(
         plan=made, strategy=setting.strategy, criterion=setting.criterion,
-        indices={name: float(score(name, rows.T @ rows, len(rows), offered.tip)) for name in CRITERIA},
+        indices={name: float(score(name, rows.T @ rows, len(rows), tip)) for name in CRITERIA},
         efficiency=choice.efficiency, efficiency_covers="candidates", manifold=choice.manifold,
         promise=offered.promise(touches), curve=curve(offered, touches, least), minutes=choice.order.minutes,
-        unseen=unseen(offered.known, offered.rows, rows, offered.zone),
-        notes=(
-            *offered.found.notes,
-            *_blocked(made, choice.order),
-            limiting(offered.known, offered.known.covariance(rows), offered.zone),
-        ),
+        unseen=unseen(known, pool, rows, offered.zone),
+        notes=(*offered.found.notes, *_blocked(made, choice.order), limiting(chosen_by, left, offered.zone)),
     )  # fmt: skip
 
 

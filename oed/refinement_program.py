@@ -68,7 +68,7 @@ class Program:
         place = [ca.dot(tip - origin, side) / ca.dot(side, side) for side in (u, v)]
         held = self._held(tip, R, *self._pose(above, theta), self.known.cell.touch.approach * n)
         g = ca.vertcat(height, *place, -lean, *held, above + self.p[13] * (q - above))
-        f, g = ca.substitute([f, g], [theta], [ca.SX(self.known.theta)])
+        f, g = (ca.substitute(x, theta, ca.SX(at)) for x, at in ((f, self.known.typical), (g, self.known.theta)))
         return f, g
 
     @property
