@@ -64,7 +64,7 @@ def assurance(cell: Cell, calibration: Calibration, touches: Touches) -> Assuran
     """The assurance of a calibration that was made from some touches on named faces."""
     known = prior_knowledge(cell, calibration)
     if known.names == calibration.estimated:
-        rows = known.rows(touches.q, touches.normal, touches.sigma)
+        rows = known.rows(touches.q, touches.normal, touches.sigma, approach=touches.approach)
     else:  # joints that never moved: what is left of the parameters has no prior of its own here
         known, rows = knowledge_after(cell, calibration), np.zeros((0, len(calibration.estimated)))
     tip = known.tip_rows(zone_poses(cell, calibration.theta))

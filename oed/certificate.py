@@ -86,5 +86,5 @@ def _polished(offered: Offer, refinement: Refinement, starts: list[int], S: Floa
     index = np.array(starts)
     touches = offered.found.take(index)
     q = refinement.best(touches, np.zeros((len(index), *S.shape)), np.broadcast_to(S, (len(index), *S.shape)))
-    f = offered.known.rows(q, touches.normal, offered.sigma[index])
+    f = offered.known.rows(q, touches.normal, offered.sigma[index], approach=touches.approach + q - touches.q)
     return float(((f @ S) * f).sum(axis=1).max())

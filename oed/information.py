@@ -11,7 +11,7 @@ from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import Identifiability, structure
-from identify.model.measurement import MeasurementModel, Rows
+from identify.model.measurement import MeasurementModel, Rows, touch_conditions
 
 BUILT = 2  # seed of the signs of what is off
 LOOSE = 1e-12  # precision of what nothing is known of
@@ -60,11 +60,16 @@ class Knowledge:
         normal: Float[np.ndarray, "touches 3"],
         sigma: Float[np.ndarray, " touches"],
         theta: Float[np.ndarray, " parameters"] | None = None,
+        approach: Float[np.ndarray, "touches joints"] | None = None,
     ) -> Float[np.ndarray, "touches kept"]:
-        """Gradients of touches in units of sigma a prior standard deviation; their products add up to information."""
+        """Gradients of touches in units of sigma a prior standard deviation; their products add up to information.
+
+        Joint errors may depend on the side from which a joint comes, so on the `approach`.
+        """
         m, wire = len(q), self.cell.wire
         radius = np.full(m, wire.radius if wire.shape == "flat" else 0.0)
-        touches = Rows(q, normal, np.zeros(m), radius, sigma, (), np.arange(m))
+        made = touch_conditions(q, approach) if self.model.conditional else None
+        touches = Rows(q, normal, np.zeros(m), radius, sigma, (), np.arange(m), made)
         J = self.model.linearize(self.typical if theta is None else theta, touches)[1]
         return J[:, self.kept] * self.scale / sigma[:, None]
 

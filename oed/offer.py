@@ -43,7 +43,7 @@ class Offer:
 
     def rows_at(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "touches kept"]:
         """What every touch would tell of a robot with other parameters."""
-        return self.known.rows(self.found.q, self.found.normal, self.sigma, theta)
+        return self.known.rows(self.found.q, self.found.normal, self.sigma, theta, self.found.approach)
 
     @cached_property
     def zone(self) -> Float[np.ndarray, "poses joints"]:
@@ -106,7 +106,7 @@ class Offer:
     def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
         """The tip error to expect in the zone after some touches, each made so many `times`."""
         told, names = self.told or self.known, touches.names()
-        rows = told.rows(touches.q, touches.normal, touch_sigma(told.cell, names))
+        rows = told.rows(touches.q, touches.normal, touch_sigma(told.cell, names), approach=touches.approach)
         return promise(self._told_tip, told.error(rows, names, times))
 
     @cached_property
@@ -140,10 +140,16 @@ def offer(
 
 
 def _placed(cell: Cell, after: Calibration) -> Cell:
-    """The cell with its base and tool where an earlier calibration found them, if the cell leaves that open."""
+    """The cell with its base and tool where an earlier calibration found them, if the cell leaves that open.
+
+    The joint errors that the touches chose then belong to the robot.
+    """
     base = after.theta[:6] if cell.base is None else cell.base
     tool = after.theta[-6:] if cell.tool is None else cell.tool
-    return replace(cell, base=base, tool=tool)
+    robot = cell.robot
+    if robot.errors != after.cell.robot.errors:
+        robot = replace(robot, errors=after.cell.robot.errors, error_values=())
+    return replace(cell, robot=robot, base=base, tool=tool)
 
 
 def plan_of(touches: Candidates, order: Int[np.ndarray, " touches"] | None = None) -> Plan:

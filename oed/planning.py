@@ -137,12 +137,12 @@ def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
     offered, touches = setting.offered, choice.touches
     known = offered.drawing or offered.known
     made = with_via(plan_of(touches), choice.order.via)
-    sigma = touch_sigma(known.cell, touches.names())
-    rows = known.rows(touches.q, touches.normal, sigma)
+    sigma, way = touch_sigma(known.cell, touches.names()), touches.approach
+    rows = known.rows(touches.q, touches.normal, sigma, approach=way)
     tip = known.tip_rows(offered.zone)
-    pool = known.rows(offered.found.q, offered.found.normal, offered.sigma)
+    pool = known.rows(offered.found.q, offered.found.normal, offered.sigma, approach=offered.found.approach)
     chosen_by = offered.known
-    left = chosen_by.covariance(chosen_by.rows(touches.q, touches.normal, sigma))
+    left = chosen_by.covariance(chosen_by.rows(touches.q, touches.normal, sigma, approach=way))
     return PlanResult(
         plan=made, strategy=setting.strategy, criterion=setting.criterion,
         indices={name: float(score(name, rows.T @ rows, len(rows), tip)) for name in CRITERIA},

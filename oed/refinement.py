@@ -153,7 +153,7 @@ def refine(
     that takes as long again and gains about a tenth of what was gained before.
     """
     known, say = refinement.known, progress or (lambda share: None)
-    F = known.rows(touches.q, touches.normal, touch_sigma(known.cell, touches.names()))
+    F = known.rows(touches.q, touches.normal, touch_sigma(known.cell, touches.names()), approach=touches.approach)
     if value is None:
 
         def value(rows: Float[np.ndarray, "touches kept"]) -> float:
@@ -187,7 +187,9 @@ def _accepted(
 ) -> tuple[Candidates, Float[np.ndarray, "touches kept"]]:
     """Touches after those moves towards `wanted` postures that can be made and raise the value; and their rows."""
     trials, owner = refinement.ways(touches, wanted)
-    rows = refinement.known.rows(trials.q, trials.normal, touch_sigma(refinement.known.cell, trials.names()))
+    rows = refinement.known.rows(
+        trials.q, trials.normal, touch_sigma(refinement.known.cell, trials.names()), approach=trials.approach
+    )
     best, moved = value(F), set[int]()
     for k, i in enumerate(owner.tolist()):
         if i in moved or not _apart(touches, i, trials, k):

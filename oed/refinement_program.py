@@ -61,7 +61,8 @@ class Program:
         _, theta = symbols(self.known.cell.robot)
         q, above = self.x[:joints], self.x[joints:]
         n, origin, u, v = (self.p[i : i + 3] for i in (0, 3, 6, 9))
-        tip, R = self._pose(q, theta)
+        made = ca.vertcat(ca.sign(q - above), 0)  # the side from which each joint comes
+        tip, R = self._pose(q, theta, made)
         lean = ca.dot(n, R[:, 2])
         height = self._height(ca.dot(n, tip - origin), lean)
         f = ca.gradient(height, theta)[self.known.kept] * self.known.scale / self.p[12]
@@ -103,8 +104,8 @@ class Program:
             ]),
         )  # fmt: skip
 
-    def _pose(self, q: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
-        T = jig_T_tip(self.known.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]))
+    def _pose(self, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
+        T = jig_T_tip(self.known.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]), made)
         return T[:, 3], T[:, :3]
 
     def _height(self, height: ca.SX, lean: ca.SX) -> ca.SX:

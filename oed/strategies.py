@@ -152,7 +152,7 @@ class Setting:
 
     def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches kept"]:
         sigma = touch_sigma(self.offered.known.cell, touches.names())
-        return self.offered.known.rows(touches.q, touches.normal, sigma)
+        return self.offered.known.rows(touches.q, touches.normal, sigma, approach=touches.approach)
 
     def _information(self, rows: Float[np.ndarray, "touches kept"]) -> Float[np.ndarray, "kept kept"]:
         return self.offered.known.precision + rows.T @ rows

@@ -134,7 +134,9 @@ def _motions(offered: Offer) -> Float[np.ndarray, "corners 3 kept"]:
 
 def _promise(offered: Offer, G: Float[np.ndarray, "corners 3 kept"], touches: Candidates) -> Promise:
     names = touches.names()
-    rows = offered.known.rows(touches.q, touches.normal, touch_sigma(offered.known.cell, names))
+    rows = offered.known.rows(
+        touches.q, touches.normal, touch_sigma(offered.known.cell, names), approach=touches.approach
+    )
     return promise(G, offered.known.error(rows, names))
 
 

@@ -210,3 +210,31 @@ def test_weights_turn_the_first_joint_of_a_robot_on_a_wall():
 
     assert "j1.load" in on_wall.parameters
     assert "j1.load" not in robot_with(("compliance",)).parameters
+
+
+def test_a_plan_counts_the_side_from_which_each_joint_comes(arc_welder, rng):
+    from oed.information import nominal_knowledge
+
+    known = nominal_knowledge(replace(arc_welder, robot=replace(arc_welder.robot, errors=("backlash",))))
+    q = postures(known.cell.robot, rng, 40)
+    normal = np.tile([0.0, 0, 1], (40, 1))
+    sides = 0.1 * rng.choice([-1.0, 1.0], q.shape)
+
+    rows = known.rows(q, normal, np.ones(40), approach=q - sides)
+
+    j2 = known.names.index("j2.backlash")
+    turned = known.rows(q, normal, np.ones(40), approach=q + sides)
+    np.testing.assert_allclose(rows[:, j2], -turned[:, j2], atol=1e-9)
+    assert np.abs(rows[:, j2]).max() > 0.01
+
+
+def test_planning_after_a_calibration_takes_over_the_errors_that_it_found(arc_welder):
+    from identified import identified
+
+    from oed.offer import _placed
+
+    bending = replace(arc_welder, robot=replace(arc_welder.robot, errors=("compliance",)))
+
+    cell = _placed(arc_welder, identified(bending, bending.theta))
+
+    assert cell.robot.parameters == bending.robot.parameters

@@ -67,9 +67,18 @@ def _conditions(measured: Touches | Positions, reference: float) -> Float[np.nda
     """Direction of every joint into a touch, and temperature above the reference; 0 where nothing was recorded."""
     if isinstance(measured, Positions):
         return np.zeros((3 * len(measured), measured.q.shape[1] + 1))
-    step = np.zeros_like(measured.q) if measured.approach is None else measured.q - measured.approach
+    return touch_conditions(measured.q, measured.approach, np.nan_to_num(measured.temperature - reference))
+
+
+def touch_conditions(
+    q: Float[np.ndarray, "rows joints"],
+    approach: Float[np.ndarray, "rows joints"] | None,
+    warmth: Float[np.ndarray, " rows"] | float = 0.0,
+) -> Float[np.ndarray, "rows conditions"]:
+    """Conditions of touches searched from an approach, so much [K] above the reference."""
+    step = np.zeros_like(q) if approach is None else q - approach
     direction = np.where(np.abs(step) > STILL, np.sign(step), 0.0)  # NaN, not recorded, is not above STILL
-    return np.column_stack([direction, np.nan_to_num(measured.temperature - reference)])
+    return np.column_stack([direction, np.broadcast_to(warmth, len(q))])
 
 
 def _touch_rows(wire: Wire, touches: Touches) -> Rows:
@@ -101,6 +110,11 @@ class MeasurementModel:
         self._normal, self._offset = ca.SX.sym("normal", 3), ca.SX.sym("offset")
         self._radius = ca.SX.sym("radius")
         self._made = conditions(robot) if set(robot.errors) & CONDITIONAL else None
+
+    @property
+    def conditional(self) -> bool:
+        """Whether touches depend on how they were made."""
+        return self._made is not None
 
     def _tip(self, M: ca.SX, w: ca.SX) -> ca.SX:
         return jig_T_tip(self.robot, self._q, self._theta, M, w, self._made)
