@@ -137,7 +137,7 @@ def _contacts(calibration: Calibration, touches: Touches) -> Contacts:
     cell, theta = calibration.cell, calibration.theta.copy()
     theta[:6] = 0.0
     tip, R = cell.kinematics.tip(touches.q, theta)
-    made = rows(cell.wire, [touches])
+    made = rows(cell.wire, [touches], cell.robot.temperature)
     return Contacts(made.normal, made.offset, tip, R[:, :, 2], made.radius)
 
 
@@ -153,7 +153,9 @@ def _robot(calibration: Calibration, touches: Touches, at: Placement) -> Float[n
     """Covariance of the residuals from what is not known of links and tool [mm^2]."""
     theta = calibration.theta.copy()
     theta[:6] = pose(inverse(_matrix(at)))
-    _, J = measurement_model(calibration.cell.robot).linearize(theta, rows(calibration.cell.wire, [touches]))
+    _, J = measurement_model(calibration.cell.robot).linearize(
+        theta, rows(calibration.cell.wire, [touches], calibration.cell.robot.temperature)
+    )
     some = [k for k, name in enumerate(calibration.estimated) if not name.startswith("base.")]
     J = J[:, np.array(calibration.index, dtype=int)[some]]
     return J @ calibration.covariance[np.ix_(some, some)] @ J.T

@@ -6,7 +6,7 @@ import numpy as np
 
 from identify.model.calibration import Calibration, Errors, fingerprints, summarize
 from identify.model.files import InputError
-from identify.model.measurement import measurement_model, rows
+from identify.model.measurement import Rows, measurement_model, rows
 from identify.model.touch import Positions, Touches
 
 
@@ -24,13 +24,7 @@ def verify(calibration: Calibration, *measured: Touches | Positions) -> Verifica
     found = rows(calibration.cell.wire, measured, calibration.cell.robot.temperature)
     if not len(found):
         raise InputError("there is nothing to verify with: no touch of status hit, no position")
-    prints = fingerprints(found.q, found.offset[:, None])
-    seen = [found.ids[found.owner[i]] for i, name in enumerate(prints) if name in calibration.fingerprints]
-    if seen:
-        raise InputError(
-            f"{len(set(seen))} of {len(found.ids)} measurements were used in the fit ({seen[0]}, ...): errors there "
-            "are no accuracy; verify with others"
-        )
+    require_unseen(calibration, found, "errors there are no accuracy; verify with others")
     model = measurement_model(calibration.cell.robot)
     before = found.distances(model.residual(calibration.start, found))
     r, J = model.linearize(calibration.theta, found)
@@ -38,6 +32,16 @@ def verify(calibration: Calibration, *measured: Touches | Positions) -> Verifica
     widened = max(1.0, calibration.scatter if calibration.scatter_significant else 1.0)
     variance = ((J @ calibration.covariance) * J).sum(axis=1) + (found.sigma * widened) ** 2
     return Verification(summarize(before), summarize(found.distances(r)), _p95(found.distances(np.sqrt(variance))))
+
+
+def require_unseen(calibration: Calibration, found: Rows, cure: str) -> None:
+    """Raise InputError where measurements were used in the fit."""
+    prints = fingerprints(found.q, found.offset[:, None])
+    seen = [found.ids[found.owner[i]] for i, name in enumerate(prints) if name in calibration.fingerprints]
+    if seen:
+        raise InputError(
+            f"{len(set(seen))} of {len(found.ids)} measurements were used in the fit ({seen[0]}, ...): {cure}"
+        )
 
 
 def _p95(deviation: np.ndarray) -> float:

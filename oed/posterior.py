@@ -182,6 +182,14 @@ def provisional(cell: Cell, belief: Belief) -> Calibration:
     )  # fmt: skip
 
 
+def as_identified(cell: Cell, calibration: Calibration) -> Cell:
+    """The cell with the robot that a calibration has found; a base that is another than its cell's stays."""
+    base = calibration.cell.base
+    same = cell.base is None or (base is not None and np.array_equal(cell.base, base))
+    found = believed(cell, calibration.theta)
+    return found if same else replace(found, base=cell.base)
+
+
 def believed(cell: Cell, theta: Float[np.ndarray, " parameters"]) -> Cell:
     """The cell with its robot as it is believed to be, in place of its drawing: for motions near the jig."""
     robot = cell.robot.identified(theta)

@@ -21,6 +21,7 @@ from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth
 
 COUNT = 2500
+KNOWN = ("--after", "calibration.json")
 AWAY = np.array([3, -2, 2, 0.005, -0.003, 0.004])  # [mm, rad] from where the workpiece is thought to stand
 
 
@@ -101,7 +102,7 @@ def touchcal(*arguments):
 
 
 def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, capsys):
-    assert touchcal("plan", "--workpiece", "box.yaml", "--after", "calibration.json", "-n", "9", "-o", "plan.csv") == 0
+    assert touchcal("plan", "--workpiece", "box.yaml", *KNOWN, "-n", "9", "-o", "plan.csv") == 0
     assert "minimal:   6 touches" in capsys.readouterr().out
     cell = read_cell(folder / "plan-cell.yaml")
     hidden = cell.base + AWAY
@@ -110,7 +111,9 @@ def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, capsys):
     values |= dict(zip(names[:6], hidden / [1, 1, 1, *[np.pi / 180] * 3], strict=True))
     (folder / "truth.yaml").write_text(json.dumps({"parameters": {k: float(v) for k, v in values.items()}}))
 
-    assert touchcal("run", "plan.csv", "--cell", "plan-cell.yaml", "--truth", "truth.yaml", "-o", "box.csv") == 0
+    assert (
+        touchcal("run", "plan.csv", "--cell", "plan-cell.yaml", *KNOWN, "--truth", "truth.yaml", "-o", "box.csv") == 0
+    )
     assert touchcal("locate", "calibration.json", "box.csv", "--workpiece", "box.yaml", "-o", "box.json") == 0
 
     out = capsys.readouterr().out
@@ -127,7 +130,7 @@ def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, capsys):
     (["locate", "calibration.json", "none.csv", "--workpiece", "box.yaml"], "none.csv: no such file"),
     (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml"], "2 touches cannot fix 6 freedoms"),
     (["locate", "calibration.json", "other.csv", "--workpiece", "box.yaml"], "jig 'cube' has no face 'topp'"),
-    (["locate", "calibration.json", "points.csv", "--workpiece", "box.yaml"], "positions in the jig frame locate no"),
+    (["locate", "calibration.json", "points.csv", "--workpiece", "box.yaml"], "positions in the jig frame are no"),
     (["locate", "calibration.json", "few.csv", "--workpiece", "library:cub"], "library has no jig 'cub'; did you mean"),
     (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml", "--near", "1,2"], "--near is '1,2'"),
     (["plan", "--workpiece", "none.yaml"], "none.yaml: no such file"),

@@ -24,6 +24,7 @@ COMMANDS = {
     "fix": "Corrected copies of robot programs.",
     "export": "The calibrated robot for other tools.",
     "locate": "The pose of a workpiece, from touches on its faces.",
+    "health": "Whether the robot is still the one that was identified.",
     "report": "One HTML page of a calibration: verdict, maps, 3-D view, parameters.",
     "study": "Answer a question with numbers: strategies, peers, the paper, and more.",
 }

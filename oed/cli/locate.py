@@ -17,8 +17,8 @@ from identify.model.description import named_jig, read_jig
 from identify.model.entries import POSE_KEYS, POSE_UNIT, pose_entry
 from identify.model.files import InputError, digest, write_text
 from identify.model.frames import pose, transform
-from identify.model.touch import Positions, Touches, joined
-from oed.cli.options import Json, TrustUnits, numbers, print_json, read_measured
+from identify.model.touch import joined
+from oed.cli.options import Json, TrustUnits, numbers, only_touches, print_json, read_measured
 
 ABOUT = ("", "", "", *(f"   about the workpiece's {axis}" for axis in "zyx"))
 TURNS = ("about_x_deg", "about_y_deg", "about_z_deg")
@@ -58,7 +58,7 @@ def locate(
     identified, body = read_calibration(calibration), read_jig(named_jig(workpiece))
     made, inputs = read_measured(touches, replace(identified.cell, jig=body), trust_units)
     wanted = None if near is None else numbers(near, 6, "--near") * POSE_UNIT
-    found = located(identified, body, reduce(joined, map(_only_touches, made)), wanted)
+    found = located(identified, body, reduce(joined, map(only_touches, made)), wanted)
     inputs |= {calibration.name: digest(calibration), workpiece: digest(named_jig(workpiece))}
     told = summary(identified, found)
     write_text(output, dumps({"touchcal": version("touchcal"), "inputs": inputs} | told, indent=1) + "\n")
@@ -66,14 +66,6 @@ def locate(
         print_json(told)
     else:
         print(story(found, output))
-
-
-def _only_touches(table: Touches | Positions) -> Touches:
-    if isinstance(table, Positions):
-        raise InputError(
-            f"{table.ids[0]}, ...: positions in the jig frame locate no workpiece; give touches on its faces"
-        )
-    return table
 
 
 def summary(calibration: Calibration, found: Location) -> dict[str, Any]:

@@ -43,6 +43,13 @@ def read_measured(
     return _distinct(paths, tables), {path.name: digest(path) for path in paths}
 
 
+def only_touches(table: Touches | Positions) -> Touches:
+    """The touches; raises InputError where positions were measured instead."""
+    if isinstance(table, Positions):
+        raise InputError("positions in the jig frame are no touches; give a touches.csv with faces")
+    return table
+
+
 def _distinct(paths: Sequence[Path], tables: list[Touches | Positions]) -> list[Touches | Positions]:
     """Ids that stand in several files are told apart by the name of their file."""
     from dataclasses import replace

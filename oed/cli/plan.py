@@ -66,12 +66,12 @@ def plan(
     if robust < 0:
         raise InputError(f"--robust is {robust}, expected how many robots to draw, 10 for example")
     described = load_cell(cell)
-    known = None if after is None else read_calibration(after)
     if workpiece is not None:
         from oed.cli.workpiece import touches_of
 
-        touches_of(workpiece, described, cell, n, at, known, output, seed, json)
+        touches_of(workpiece, described, cell, n, at, after, output, seed, json)
         return
+    known = None if after is None else read_calibration(after)
     with progress(not json) as say:
         result = make(
             described, n, criterion, strategy, np.random.default_rng(seed), target=target, after=known, robust=robust,

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
+from identify.model.calibration import read_calibration
 from identify.model.cell import Cell
 from identify.model.files import InputError, write_text
 from identify.model.tables import read_plan, touches_text
@@ -17,6 +18,7 @@ from identify.model.touch import Plan
 from oed.cli.live import Screen
 from oed.cli.options import CellFile, Json, load_cell, print_json
 from oed.cli.sim import SIM, line_options, simulated, standing
+from oed.posterior import as_identified
 from probe import Session, Settings, estimate_delay, open_controller, rehearse, retreat
 from probe import run as make_touches
 from probe.clock import Clock
@@ -32,6 +34,7 @@ def run(
     plan: Path,
     *,
     cell: CellFile = Path("cell.yaml"),
+    after: Path | None = None,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("touches.csv"),
     port: str | None = None,
     protocol: str | None = None,
@@ -73,6 +76,8 @@ def run(
     ----------
     plan
         What touchcal plan wrote.
+    after
+        An earlier calibration.json, where the plan was made after one: motions are checked by the robot that it found.
     output
         Where touches are appended; the journal of the run is written beside it.
     port
@@ -119,6 +124,7 @@ def run(
     """
     described = load_cell(cell)
     planned = read_plan(plan, described)
+    known = described if after is None else as_identified(described, read_calibration(after))
     _expect("--override", override, "more than 0 and at most 1", 0 < override <= 1)
     _expect("--time-scale", time_scale, "a number above 0", time_scale is None or time_scale > 0)
     where, spoken = port or described.controller.port, protocol or described.controller.protocol
@@ -127,7 +133,7 @@ def run(
         override=override, search_speed=slow, fast_speed=fast_speed or (FASTER * slow if two_speeds else None),
         again_every=again_every, temperature=temperature, note=note, trust_position=trust_position or where == SIM,
     )  # fmt: skip
-    validate(planned, described, settings, len(described.robot.joints))  # before anything is opened or written
+    validate(planned, known, settings, len(described.robot.joints))  # before anything is opened or written
     options = line_options(
         described.controller, spoken, baud=baud, axis_unit_deg=axis_unit_deg, home=home, unlock=unlock
     )
@@ -140,9 +146,9 @@ def run(
         with closing(controller):
             if dry_run:
                 with screen:
-                    finished = rehearse(planned, controller, described, settings, tell=screen.tell, clock=clock)
+                    finished = rehearse(planned, controller, known, settings, tell=screen.tell, clock=clock)
             else:
-                with Session(output, described, planned, resume=resume, clock=clock) as session:
+                with Session(output, known, planned, resume=resume, clock=clock) as session:
                     if session.repaired:
                         print(f"touchcal: {session.repaired}", file=sys.stderr)
                     try:

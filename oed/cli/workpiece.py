@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from identify.model.calibration import Calibration
+from identify.model.calibration import read_calibration
 from identify.model.cell import Cell
 from identify.model.description import LIBRARY, named_jig, read_jig
 from identify.model.entries import POSE_UNIT, pose_entry
@@ -18,7 +18,7 @@ from oed.workpiece import FEWEST, WorkpiecePlan, plan_workpiece
 
 
 def touches_of(
-    workpiece: str, cell: Cell, cell_file: Path, n: int | None, at: str | None, after: Calibration | None,
+    workpiece: str, cell: Cell, cell_file: Path, n: int | None, at: str | None, after: Path | None,
     output: Path, seed: int, json: bool,
 ) -> None:  # fmt: skip
     """Write plan.csv, plan.json, and plan-cell.yaml: the cell with the workpiece in the place of the jig."""
@@ -26,7 +26,8 @@ def touches_of(
 
     where = None if at is None else numbers(at, 6, "--at") * POSE_UNIT
     file = named_jig(workpiece)
-    result = plan_workpiece(cell, read_jig(file), n, np.random.default_rng(seed), at=where, after=after)
+    known = None if after is None else read_calibration(after)
+    result = plan_workpiece(cell, read_jig(file), n, np.random.default_rng(seed), at=where, after=known)
     beside = output.with_name(f"{output.stem}-cell.yaml")
     write_text(output, plan_text(result.plan, cell.robot))
     write_text(beside, cell_text(cell_file, beside, workpiece, result.cell))
@@ -35,7 +36,7 @@ def touches_of(
     if json:
         print_json(told)
     else:
-        print(story(told, output, beside, after is None))
+        print(story(told, output, beside, after))
 
 
 def cell_text(original: Path, beside: Path, workpiece: str, placed: Cell) -> str:
@@ -69,7 +70,7 @@ def summary(result: WorkpiecePlan) -> dict[str, Any]:
     }
 
 
-def story(told: dict[str, Any], output: Path, beside: Path, nominal: bool) -> str:
+def story(told: dict[str, Any], output: Path, beside: Path, after: Path | None) -> str:
     """The plan as a person reads it."""
     promise, lines = told["promise"], []
     lines.append(f"{told['touches']} touches: {_on(told['faces'])}; about {told['minutes']:.0f} minutes")
@@ -80,13 +81,14 @@ def story(told: dict[str, Any], output: Path, beside: Path, nominal: bool) -> st
         f"{point['p95_mm']:.3f} mm  {_on(point['faces'])}"
         for point in told["curve"]
     ]
-    if nominal:
+    if after is None:
         lines.append(
             "note: this is for a robot as drawn, with its tolerances; --after calibration.json knows it better"
         )
     lines += [f"note: {sentence}" for sentence in told["notes"]]
+    known = "" if after is None else f" --after {after}"
     return "\n".join([
-        *lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}"
+        *lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}{known}"
     ])  # fmt: skip
 
 

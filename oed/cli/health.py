@@ -1,0 +1,233 @@
+"""`touchcal health`."""
+
+from collections.abc import Mapping
+from contextlib import redirect_stdout
+from functools import reduce
+from itertools import count
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from identify.causes import looked_for
+from identify.health import ALARM, TOUCH, Finding, Health, noticed
+from identify.health import health as judged
+from identify.model.calibration import Calibration, read_calibration
+from identify.model.files import InputError, digest, write_text
+from identify.model.tables import plan_text, read_plan
+from identify.model.touch import Plan, Touches, joined
+from oed.cli.options import CellFile, Json, Seed, TrustUnits, load_cell, only_touches, print_json, read_measured
+
+SHOWN = 0.05  # probability of a cause that is named beside the first
+
+
+def health(
+    calibration: Path,
+    *touches: Path,
+    run: Annotated[bool, Parameter(negative=())] = False,
+    n: Annotated[int, Parameter(name=["-n", "--touches"])] = 12,
+    alarm: float = ALARM,
+    cell: CellFile = Path("cell.yaml"),
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("health.csv"),
+    port: str | None = None,
+    protocol: str | None = None,
+    truth: str | None = None,
+    seed: Seed = 0,
+    trust_units: TrustUnits = False,
+    json: Json = False,
+) -> int:
+    """Whether the robot is still the one that was identified: unchanged, drifted, or broken.
+
+    Without touches it writes a plan of a dozen that notice change best, and says what they would notice; with --run it
+    makes them, and with touches it judges. Exit code 1 where the robot is not unchanged. Example:
+
+        touchcal health calibration.json --run
+
+        touchcal health calibration.json health-touches.csv
+
+    Parameters
+    ----------
+    calibration
+        What touchcal identify wrote, when the robot was well.
+    touches
+        touches.csv files made since.
+    run
+        Make the touches of the plan over the serial line, into health-touches.csv, or -touches-2.csv.
+    n
+        How many touches to plan.
+    alarm
+        The chance that a robot which has not changed is said to have.
+    output
+        Where the plan is written; with --run, a plan that stands there is used again.
+    port
+        /dev/ttyUSB0, COM5, socket://host:port or sim, in place of the cell's.
+    protocol
+        line (TOUCH/1), grbl or linuxcnc, in place of the cell's.
+    truth
+        With port sim: what the virtual robot truly is, a file or library:arc-welder.
+    """
+    identified = read_calibration(calibration)
+    if not 0 < alarm < 1:
+        raise InputError(f"--alarm is {alarm:g}, expected a probability such as 0.01")
+    if touches and run:
+        raise InputError("touches are given and --run asks for new ones; give one of the two")
+    if not touches:
+        made = _planned(identified, calibration, n, output, seed, again=run)
+        if not run:
+            _tell_plan(identified, made, output, alarm, json)
+            return 0
+        touches = (_made(output, made, calibration, cell, port, protocol, truth, json),)
+    tables, _ = read_measured(touches, identified.cell, trust_units)
+    found = judged(identified, reduce(joined, map(only_touches, tables)), alarm)
+    if json:
+        print_json(summary(found))
+    else:
+        print(story(identified, found))
+    return 0 if found.verdict == "unchanged" else 1
+
+
+def _planned(identified: Calibration, file: Path, n: int, output: Path, seed: int, again: bool) -> Plan:
+    """The plan of a check: the one that stands there, or a new one."""
+    from oed.change import plan_check
+    from oed.cli.plan import write_summary
+
+    if again and output.exists():
+        return read_plan(output, identified.cell)
+    made, order = plan_check(identified.cell, identified, looked_for(identified), n, np.random.default_rng(seed))
+    write_text(output, plan_text(made, identified.cell.robot))
+    told = {"touches": len(made), "minutes": order.minutes, "seed": seed}
+    write_summary(output.with_suffix(".json"), told, {file.name: digest(file)})
+    return made
+
+
+def _made(
+    plan: Path, planned: Plan, calibration: Path, cell: Path, port: str | None, protocol: str | None,
+    truth: str | None, json: bool,
+) -> Path:  # fmt: skip
+    """Make the touches of a plan, as touchcal run does, or go on with them; the file that they are in."""
+    import sys
+
+    from oed.cli.project import touches_of
+    from oed.cli.run import run
+
+    described = load_cell(cell)
+    names = (plan.with_name(f"{plan.stem}-touches{f'-{k}' if k > 1 else ''}.csv") for k in count(1))
+    made = next(path for path in names if touches_of(path, described, planned) is None)
+    with redirect_stdout(sys.stderr):  # the verdict alone is the answer
+        code = run(
+            plan, cell=cell, after=calibration, output=made, port=port, protocol=protocol, truth=truth,
+            resume=made.exists(), json=json,
+        )  # fmt: skip
+    if code:
+        raise KeyboardInterrupt
+    return made
+
+
+def _tell_plan(identified: Calibration, made: Plan, output: Path, alarm: float, json: bool) -> None:
+    smallest = noticed(identified, _expected(identified, made), alarm)
+    told = {name: change * _factor(identified, name) for name, change in smallest.items()}
+    if json:
+        print_json({"touches": len(made), "notices": {k: v if np.isfinite(v) else None for k, v in told.items()}})
+        return
+    print(f"{len(made)} touches that notice change best; 95 of 100 such checks would notice")
+    for name, change in told.items():
+        unit = _unit(identified, name)
+        print(f"  {_part(name):32}{change:8.3f} {unit}" if np.isfinite(change) else f"  {_part(name):32} not at all")
+    print(f"wrote {output}; touchcal health ... --run makes them and judges")
+
+
+def _expected(identified: Calibration, made: Plan) -> Touches:
+    """Touches as they would be read, were every contact where it is planned."""
+    cell, none = identified.cell, np.full(len(made), np.nan)
+    assert cell.jig is not None  # read_plan or the planner has found its faces
+    faces = [cell.jig.by_name[name] for name in made.face]
+    sigma = np.hypot(cell.touch.sigma, [face.tolerance for face in faces])
+    offset, blank = np.array([face.offset for face in faces]), ("",) * len(made)
+    return Touches(made.ids, made.face, made.q, made.normal, offset, sigma, blank, none, blank, blank)
+
+
+def _unit(identified: Calibration, name: str) -> str:
+    if name in {"tool", "wire"}:
+        return "mm"
+    return "deg" if identified.cell.robot.angular[identified.cell.robot.parameters.index(name)] else "mm"
+
+
+def _factor(identified: Calibration, name: str) -> float:
+    return 180 / np.pi if _unit(identified, name) == "deg" else 1.0
+
+
+def _part(name: str) -> str:
+    """What a cause is called by people."""
+    words = {"tool": "the tool, knocked", "wire": "the wire, longer or shorter", "base": "base or jig, moved"}
+    if name in words:
+        return words[name]
+    joint, what = name.split(".", 1) if "." in name else (name, "")
+    return f"zero of joint {joint}" if what in {"theta", "d"} else name
+
+
+def summary(found: Health) -> dict[str, Any]:
+    """What `--json` says."""
+    first = found.findings[0]
+    return {
+        "verdict": found.verdict,
+        "chance": found.chance,
+        "cause": None if found.verdict == "unchanged" else first.cause.name,
+        "sure": first.sure,
+        "whole": found.whole,
+        "change": first.change.tolist(),
+        "sigma": first.sigma.tolist(),
+        "others": {f.cause.name: f.sure for f in found.findings[1:] if f.sure > SHOWN},
+        "residuals_mm": dict(found.residuals),
+    }
+
+
+def story(identified: Calibration, found: Health) -> str:
+    """The verdict as a person reads it."""
+    r = np.array(list(found.residuals.values()))
+    rms = np.sqrt(np.mean(r * r))
+    sizes = f"residuals of {len(r)} touches: RMS {rms:.3f} mm, expected {found.rms_expected_mm:.3f} mm"
+    often = f"residuals like these: {_chance(found.chance)}"
+    if found.verdict == "unchanged":
+        return f"{sizes}\nunchanged: the robot is the one that was identified ({often})"
+    first = found.findings[0]
+    lines = [sizes, f"{found.verdict}: {_said(identified, first)}; {_sure(first)} sure ({often} without a change)"]
+    lines += [f"  or: {_said(identified, f)} ({_sure(f)})" for f in found.findings[1:] if f.sure > SHOWN]
+    if not found.whole:
+        lines.append("this does not explain all of it: more than one thing has changed; identify the robot anew")
+    return "\n".join([*lines, CURES.get(first.cause.kind, CURES["parameter"])])
+
+
+CURES: Mapping[str, str] = {
+    "tool": "straighten or measure the tool; touches do not show its orientation: look at that too",
+    "wire": "cut or feed the wire to its length, or enter the new one",
+    "base": "check the bolts of base and jig, and identify again",
+    "zero": "set the joint's zero again, and check once more",
+    "parameter": "check once more, and identify again if it stays so",
+}
+
+
+def _said(identified: Calibration, finding: Finding) -> str:
+    """A cause with its size."""
+    name, change, sigma = finding.cause.name, finding.change, finding.sigma
+    if name.startswith(TOUCH):
+        return f"{name} alone disagrees; make it again"
+    if finding.cause.kind == "tool":
+        axes = ", ".join(f"{axis} {v:+.2f} +- {1.96 * s:.2f}" for axis, v, s in zip("xyz", change, sigma, strict=True))
+        return f"the tool is {np.linalg.norm(change):.2f} mm off ({axes} mm in the flange frame)"
+    if finding.cause.kind == "base":
+        return f"base or jig have moved by {np.linalg.norm(change[:3]):.2f} mm, {_turned(change):.3f} degrees"
+    unit, factor = _unit(identified, name), _factor(identified, name)
+    return f"{_part(name)} by {change[0] * factor:+.3f} +- {1.96 * sigma[0] * factor:.3f} {unit}"
+
+
+def _turned(change: np.ndarray) -> float:
+    return float(np.degrees(np.linalg.norm(change[3:])))
+
+
+def _sure(finding: Finding) -> str:
+    return "more than 99 %" if finding.sure > 0.99 else f"{100 * finding.sure:.0f} %"
+
+
+def _chance(p: float) -> str:
+    return "once in 1000 or less" if p < 1e-3 else f"{100 * p:.2g} times in 100"
