@@ -44,6 +44,11 @@ class Study:
         """Question, setup and answer."""
         return (self.module.__doc__ or "").strip()
 
+    @property
+    def alone(self) -> bool:
+        """Whether it reads clocks, so that its tasks are better not computed beside each other."""
+        return bool(getattr(self.module, "ALONE", False))
+
     def tasks(self, small: bool) -> list[dict[str, Any]]:
         """What there is to compute, in the order of the table."""
         return list(self.module.tasks(small))

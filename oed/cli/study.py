@@ -43,7 +43,8 @@ def study(
     small
         A few robots only: to see that it works.
     processes
-        Worker processes on this machine; one a core if not given, 1 computes in this process.
+        Worker processes on this machine; one a core if not given, 1 computes in this process, as studies do that read
+        clocks.
     scheduler
         The address of a Dask scheduler whose workers have touchcal installed.
     tls_ca_file
@@ -57,6 +58,8 @@ def study(
 
     asked = Study.named(name)
     folder = Path(f"study-{name}") if output is None else output
+    if asked.alone and not scheduler:
+        processes = processes or 1
     with _compute(processes, scheduler, (tls_ca_file, tls_cert, tls_key)) as using, progress(not json) as say:
         table = evaluate(asked, folder, small=small, seed=seed, using=using, progress=say)
     files = write_results(asked, table, folder)

@@ -1,0 +1,48 @@
+"""Run one method of one racer on one problem, again and again, and write down what it found, its time and its memory.
+
+python child.py RACER METHOD PROBLEM.npz ANSWER.npz SECONDS
+"""
+
+import resource
+import sys
+import time
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+REPEATS = 9
+MEMORY = 8 << 30  # [bytes]: a racer may not take the machine down
+SHARE = 0.1  # of the time allowed that goes into repeats
+
+
+def main(racer: str, method: str, problem: str, answer: str, seconds: str) -> None:
+    """Write the answer; exits by SIGXCPU where the processor time allowed is over."""
+    resource.setrlimit(resource.RLIMIT_CPU, (int(float(seconds)), int(float(seconds)) + 5))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    try:
+        solve = import_module(racer).METHODS[method]
+    except ImportError as error:
+        np.savez(answer, result=f"cannot be imported: {error}")
+        return
+    with np.load(problem) as file:
+        data = dict(file)
+    first, found = timed(solve, data)
+    again: list[float] = []
+    while len(again) < REPEATS and sum(again) + first < SHARE * float(seconds):
+        again.append(timed(solve, data)[0])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    share = found.pop("share", 1.0)  # of a batch
+    times = {"first_s": first * share, "cpu_s": np.median(again or [first]) * share}
+    np.savez(answer, runs=1 + len(again), peak_mb=peak, **times, **found)  # type: ignore[arg-type]
+
+
+def timed(solve: Any, data: dict[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
+    """Processor time of this process [s], and what was found."""
+    begin = time.process_time()
+    found = solve(data)
+    return time.process_time() - begin, found
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
