@@ -109,6 +109,8 @@ def _progress(seconds: float | None, iterations: int) -> Callable[[int], float]:
     """The share of the search that is over, after so many local searches."""
     if seconds is None:
         return lambda made: made / iterations
+    if not seconds > 0:
+        raise ValueError(f"seconds: {seconds:g}, expected more than 0")
     begin = time.perf_counter()
     return lambda made: (time.perf_counter() - begin) / seconds
 

@@ -127,6 +127,8 @@ def _checked_cost(cost: np.ndarray, count: int) -> Float[np.ndarray, " candidate
 
 def _slots(n: int | None, taken: int, free: int, repeats: bool, cost: np.ndarray | None, room: float) -> int:
     """How many touches there are to choose."""
+    if n is not None and n != int(n):
+        raise ValueError(f"n: {n:g}, expected a whole number of touches")
     slots = free if n is None else int(n) - taken
     if n is not None and slots < 1:
         raise ValueError(f"n: {n} touches of which {taken} are fixed leave none to choose; ask for more")

@@ -310,6 +310,8 @@ def test_structure_and_refinement_tell_more_than_three_times_as_many_random_cand
         ({"min_distance": 9.0, "positions": np.eye(12, 3)}, "rules: found no set of 5 touches"),
         ({"cost": -np.ones(12), "budget": 3.0}, "cost: expected one positive number for each of the 12 candidates"),
         ({"cost": np.ones(12), "budget": 0.5, "n": None}, "budget: 0.5 is left, and the cheapest touch costs 1"),
+        ({"seconds": -1.0}, "seconds: -1, expected more than 0"),
+        ({"n": 5.5}, "n: 5.5, expected a whole number of touches"),
         ({"iterations": 0}, "iterations: 0, expected at least 1"),
         ({"relaxation": approximate_design(np.eye(3))}, "relaxation: of 3 candidates and criterion 'D', expected 12"),
     ],
