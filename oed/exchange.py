@@ -230,6 +230,8 @@ def _polished(question: Task, basis: np.ndarray, ids: Members) -> Found:
 def _newcomers(question: Task, basis: np.ndarray, ids: Members) -> Int[np.ndarray, " some"]:
     """The candidates that, for some touch, are the best to take its place."""
     everyone = question.free if question.rules.repeats else np.setdiff1d(question.free, ids)
+    if not len(everyone):
+        return everyone
     n, seats = len(ids), np.arange(len(ids))
     best, who = np.full(n, -np.inf), np.full(n, -1)
     for block in blocks(len(everyone), CHUNK):

@@ -132,6 +132,12 @@ def test_repeats_are_allowed_where_they_are_asked_for():
     assert worth("D", rows, design.indices) == pytest.approx(best, rel=1e-9)
 
 
+def test_as_many_touches_as_candidates_are_all_of_them():
+    rows, _, _ = problem(19)
+
+    assert sorted(exact_design(rows, 12).indices.tolist()) == list(range(12))
+
+
 @pytest.mark.parametrize("name", ["D", "V", "O5"])
 def test_what_is_known_already_counts(name):
     rows, zone, rng = problem(12, parameters=4)
