@@ -50,8 +50,6 @@ def _meets(offered: Offer, touches: Candidates, target: float) -> bool:
 
 def _possible(offered: Offer, target: float, touches: Candidates) -> None:
     """Raise InputError where even infinitely many touches would leave more than the target."""
-    if target <= 0:
-        raise InputError(f"target {target:g} mm: write the 95 % tip error in the zone that is wanted, above 0")
     floor = offered.promise(touches, np.inf).p95_mm
     if target <= floor:
         tolerance = max(face.tolerance for face in touches.faces)

@@ -119,6 +119,8 @@ def _check(n: int | None, target: float | None, criterion: str, strategy: str) -
             raise InputError(f"{word} '{value}' is not known{nearest(value, known)}; choose one of {', '.join(known)}")
     if n is not None and target is not None:
         raise InputError("a number of touches and a target are given; give one, the other follows from it")
+    if target is not None and not target > 0:
+        raise InputError(f"target {target:g} mm: write the 95 % tip error in the zone that is wanted, above 0")
 
 
 def _enough(cell: Cell, n: int, least: int) -> None:
