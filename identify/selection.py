@@ -8,7 +8,7 @@ about the geometric solution, with the priors of the cell: a whole choice takes 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -187,9 +187,14 @@ def _linear(
 
 def with_errors(cell: Cell, errors: Sequence[str]) -> Cell:
     """The cell with these error models and those that its robot has already."""
-    robot: Robot = cell.robot
-    names = tuple(name for name in ERROR_MODELS if name in {*errors, *robot.errors})
-    return replace(cell, robot=replace(robot, errors=names, error_values=()))
+    names = tuple(name for name in ERROR_MODELS if name in {*errors, *cell.robot.errors})
+    return cell if names == cell.robot.errors else replace(cell, robot=_robot(cell.robot, names))
+
+
+@lru_cache(maxsize=64)
+def _robot(robot: Robot, errors: tuple[str, ...]) -> Robot:
+    """One object for all who ask, so that its functions are compiled once."""
+    return replace(robot, errors=errors, error_values=())
 
 
 def _unit(

@@ -3,6 +3,8 @@
 Run with pytest tests/test_benchmark_identification.py --benchmark-only.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.optimize
@@ -10,8 +12,11 @@ from measured import poses_over_jig, table_2, touches_at
 
 from identify.calibration import calibrate
 from identify.least_squares import LeastSquares, Objective
+from identify.model.errors import ERROR_MODELS
 from identify.model.identifiability import structure
 from identify.model.measurement import MeasurementModel, rows
+from identify.problem import Problem
+from identify.selection import with_errors
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +77,36 @@ def test_touches_cost_in_proportion_to_their_number(benchmark, arc_welder, count
     found = benchmark.pedantic(lambda: calibrate(arc_welder, many, folds=0), rounds=1)
 
     assert found.scatter == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.fixture(scope="module")
+def everything(arc_welder):
+    """A cell whose robot has all joint errors: more than a hundred parameters; and where it touches."""
+    cell = with_errors(arc_welder, tuple(ERROR_MODELS))
+    return cell, poses_over_jig(arc_welder, 4000, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("count", [1000, 2000, 4000])
+def test_a_hundred_parameters_cost_in_proportion_to_the_touches(benchmark, everything, count):
+    cell, q = everything
+    rng = np.random.default_rng(0)
+    touches = touches_at(cell, cell.theta + 0.01 * cell.scale, q[:count], rng)
+    touches = replace(
+        touches, approach=touches.q - 0.1 * rng.choice([-1, 1], touches.q.shape), temperature=rng.uniform(10, 30, count)
+    )
+    problem = Problem.pose(cell, rows(cell.wire, [touches]), "linear", True)
+
+    found = benchmark(lambda: problem.solve(np.zeros(len(problem.kept)), 1 / problem.rows.sigma, "linear"))
+
+    assert found.converged
+    assert len(problem.kept) >= 80
+
+
+def test_solve_time_grows_no_worse_than_with_the_cube_of_the_parameters(benchmark):
+    """The normal equations of 1000 touches by 100 parameters, as Ipopt's steps need them."""
+    rng = np.random.default_rng(0)
+    A, b = rng.standard_normal((1000, 100)), rng.standard_normal(1000)
+    objective = Objective(lambda x: [(slice(None), A @ x - b, A)], np.ones(100), np.ones(1000))
+    solver = LeastSquares(objective, np.zeros(100))
+
+    assert benchmark(lambda: solver.solve(np.zeros(100))).converged

@@ -13,7 +13,7 @@ from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.files import InputError
 from identify.model.identifiability import structure
 from identify.model.kinematics import Kinematics
-from identify.model.measurement import Rows, measurement_model
+from identify.model.measurement import Rows, measurement_model, tip_rows
 from identify.model.robot import Robot
 
 MASSES = (12.0, 9.0, 7.0, 3.0, 2.0, 0.5, 0.4)
@@ -238,3 +238,13 @@ def test_planning_after_a_calibration_takes_over_the_errors_that_it_found(arc_we
     cell = _placed(arc_welder, identified(bending, bending.theta))
 
     assert cell.robot.parameters == bending.robot.parameters
+
+
+@pytest.mark.parametrize("errors", CHOICES.values(), ids=CHOICES)
+def test_the_tip_is_where_touches_of_unknown_conditions_say(errors, rng):
+    robot = robot_with(errors)
+    theta, q = some(robot, rng), postures(robot, rng, 20)
+
+    tip = Kinematics(robot).tip(q, theta)[0]
+
+    assert np.abs(measurement_model(robot).residual(theta, tip_rows(q)).reshape(-1, 3) - tip).max() < 1e-9  # [mm]

@@ -240,15 +240,15 @@ def deflected(robot: Robot, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -
     if not robot.errors:
         return Deflected(q, theta, None)
     joints = len(robot.joints)
-    amount = theta[6 + 5 * joints : -6]
+    place = {name: 6 + 5 * joints + k for k, (name, _, _) in enumerate(robot.error_parameters)}
     found = terms(robot, q, theta[-6:], ca.SX.zeros(joints + 1) if made is None else made)
     moved, longer, tilt = ca.SX(q), ca.SX.zeros(joints), ca.SX.zeros(3)
-    for k, term in enumerate(found):
+    for term in found:  # perhaps fewer than there are parameters: without conditions some do nothing
         for (kind, i), shape in term.shapes.items():
             into = {"joint": moved, "length": longer, "tilt": tilt}[kind]
-            into[i] += amount[k] * shape
+            into[i] += theta[place[term.name]] * shape
     stretched = ca.SX(theta)
     for i in range(joints):
-        for place in (7 + 5 * i, 8 + 5 * i):  # d and a
-            stretched[place] = theta[place] * (1 + longer[i])
+        for k in (7 + 5 * i, 8 + 5 * i):  # d and a
+            stretched[k] = theta[k] * (1 + longer[i])
     return Deflected(moved, stretched, tilt if "compliance" in robot.errors else None)
