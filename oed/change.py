@@ -12,7 +12,7 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.touch import Plan
 from oed.aim import Aim
-from oed.information import Knowledge, touch_sigma
+from oed.information import Knowledge, knowledge_after, touch_sigma
 from oed.offer import Offer, offer, plan_of
 from oed.roadmap import with_via
 from oed.rows import sensitivities
@@ -34,18 +34,27 @@ def plan_check(
 ) -> tuple[Plan, Order]:
     """Choose touches that tell the most about changes since a calibration, and their order.
 
-    `sizes` names the parameters that change and says how far is usual [mm] or [rad]: the touches tell them
-    apart best by log det. Raises InputError where so many
+    `sizes` names the parameters that change and says how far is usual [mm] or [rad]: the touches tell them apart best,
+    by log det, and stay so far off edges and obstacles that such changes do no harm. Raises InputError where so many
     touches are not to be had.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    offered = offer(cell, rng, after=calibration, count=count)
+    offered = offer(cell, rng, after=_loosened(calibration, sizes), count=count)
     if not 1 <= n <= len(offered.found):
         raise InputError(f"{n} touches are asked for, and {len(offered.found)} were found that can be made")
-    known = _changes(offered.known, sizes)
-    telling = _Telling(known, offered.found, offered.known, lifting=offered.lifting)
+    before = knowledge_after(offered.known.cell, calibration)
+    telling = _Telling(_changes(before, sizes), offered.found, before, lifting=offered.lifting)
     touches, order = chosen(telling, n, Aim(), rng)
     return with_via(plan_of(touches), order.via), order
+
+
+def _loosened(calibration: Calibration, sizes: Mapping[str, float]) -> Calibration:
+    """What is known of a robot that may have changed since it was identified."""
+    names = [name for name in calibration.cell.robot.parameters if name in sizes or name in calibration.estimated]
+    covariance = np.diag([sizes.get(name, 0.0) ** 2 for name in names])
+    known = [names.index(name) for name in calibration.estimated]
+    covariance[np.ix_(known, known)] += calibration.covariance
+    return replace(calibration, estimated=tuple(names), covariance=covariance)
 
 
 @dataclass(frozen=True, eq=False)
