@@ -129,7 +129,7 @@ class Motion:
                     self._lean(came_from, intent)
         else:
             raise TouchError("the robot did not get back to its last approach; move it there by hand, then --resume")
-        self._await_open()
+        self._await_open(self.session.intent)
 
     def _lean(self, origin: Joints | None, intent: Intent) -> None:
         """The wire caught on its way back: only towards where that began is open, until the wire is free."""
@@ -247,17 +247,34 @@ class Motion:
         """The same search from a later start."""
         return replace(target, approach=start, length=self.geometry.length(start, target.end))
 
-    def _await_open(self) -> None:
-        """Wait for the sensing signal to clear: power sources hold it for 0.3 to 0.5 s."""
+    def _await_open(self, came: Intent | None = None) -> None:
+        """Wait for the sensing signal to clear: power sources hold it for 0.3 to 0.5 s.
+
+        Where it does not although the robot `came` back, the approach itself may touch: a little further back, then.
+        """
         since = self.clock.now()
         while self._state().contact:
-            if self.clock.now() - since > self.settings.stuck:
+            waited = self.clock.now() - since
+            if waited > self.settings.stuck:
                 raise TouchError(
                     f"the touch input is still closed {self.settings.stuck:g} s after the wire left the face; "
                     "free or cut the wire, check the input, then go on with --resume"
                 )
+            if came is not None and waited > self.settings.stuck / 2:
+                self._further(came)
+                came = None
             self.tell(Waiting("sensing signal clears"))
             self.clock.sleep(POLL)
+
+    def _further(self, came: Intent) -> None:
+        """On along the way back, beyond the approach that it led to."""
+        origin = came.end if self._apart(came.end, came.back) else came.start
+        far = self.geometry.length(origin, came.back) + self.settings.further
+        q = self.geometry.beyond(origin, came.back, far)
+        try:
+            self._move(q, came.id, "retract", q, self.geometry.search_speed)
+        except Refused as refusal:
+            self.tell(Waiting(str(refusal)))
 
     def _move(self, q: Joints, name: str, kind: str, back: Joints, speed: float) -> None:
         """Move at a speed of the tip [mm/s]; raises Refused where it does not arrive."""

@@ -19,6 +19,7 @@ class Settings:
     back_off: float = 3.0  # [mm] from the quick contact to where the slow search begins
     retries: int = 2  # of one touch
     misses: int = 3  # touches in a row without a hit that end the run
+    further: float = 10.0  # [mm] beyond an approach that the contact is still closed at
     stuck: float = 2.0  # [s] for the sensing signal to clear once the wire is off the face; power sources need 0.5
     stop_time: float = 0.25  # [s] from the latch to standing still, at search speed
     arrived: float = 0.02 * DEG  # [rad], [deg] read as [mm] of a sliding joint: how close is there

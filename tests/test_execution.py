@@ -14,7 +14,7 @@ from identify.model.tables import read_touches
 from identify.model.touch import Plan, Touches
 from probe import events
 from probe.acceptance import objection
-from probe.controller import Contact, LinkLost, NoContact, Rebooted, Refused, TouchError
+from probe.controller import Contact, LinkLost, NoContact, Rebooted, Refused, State, TouchError
 from probe.delay import estimate_delay, without_delay
 from probe.execution import retreat, run
 from probe.paths import Geometry
@@ -353,6 +353,23 @@ def test_an_input_that_stays_closed_stops_the_run_and_the_touch_is_not_lost(benc
     assert bench.hits().note[0] == "picked up after an interruption"
     np.testing.assert_array_equal(bench.hits().q[0].round(9), bench.hits().q[0].round(9))
     assert len(bench.world.truth) == 8  # it was not made again
+
+
+def test_an_approach_that_touches_itself_is_left_a_little_further_back(bench: Bench) -> None:
+    original, geometry = bench.robot.state, Geometry(bench.cell, USUAL)
+
+    def bridged() -> State:  # molten metal at the wire keeps the contact closed up to 30 mm from the first contact
+        state = original()
+        near = bool(bench.world.truth) and geometry.length(state.q, bench.world.truth[0]) < 30.0
+        return replace(state, contact=state.contact or near)
+
+    bench.robot.state = bridged  # type: ignore[method-assign]
+
+    assert bench.run().hits == 8
+    farthest = max(geometry.length(end, bench.world.truth[0]) for _, end in bench.world.motions[:4])
+    planned = geometry.length(bench.plan.approach[0], bench.world.truth[0])
+    assert planned < 30.0
+    assert farthest == pytest.approx(planned + 10.0, abs=0.5)
 
 
 def test_something_in_the_way_of_a_move_sends_the_robot_back_where_the_move_began(bench: Bench) -> None:

@@ -9,6 +9,7 @@ Where the text leaves a choice, this controller does the plain thing, and a host
   or BUSY while a motion runs. HELLO is answered at any time and changes nothing.
 * A number is used up as soon as its command is read, be it refused: SYNTAX, LIMIT, ALREADY and so on are last answers.
 * A motion refused before it begins is answered by its ERR alone, without ACK.
+* The move back that EARLY leaves open is not watched: it may graze what was met once more.
 * Inside a motion LATCH is BUSY. The latch stays until the next one, and dies with the boot.
 * A motion that is stopped (STOPPED, DEADMAN) brakes first; its last answer comes when the robot stands.
 """

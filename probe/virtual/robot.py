@@ -140,7 +140,8 @@ class VirtualRobot:
     def begin(self, kind: str, q: Float[np.ndarray, " joints"], rate: float, *, watch: bool = True) -> Outcome | None:
         """Begin a motion to `q` at `rate` [rad/s] of the fastest joint; the refusal where it cannot begin.
 
-        A controller that does not `watch` its input drives a MOVE on into whatever it touches.
+        A controller that does not `watch` its input drives a MOVE on into whatever it touches. Nobody watches the way
+        back after an EARLY one: it leads out again past whatever was met, and may graze it.
         """
         if self._motion is not None:
             return self._refused("BUSY", "a motion is running")
@@ -150,7 +151,8 @@ class VirtualRobot:
         target = q + self._zero
         profile = straight(self.cell.robot, self._q, target, rate, self.time)
         trip = self.arm.follow(self._q, target)
-        self._motion = _Motion(kind, target, rate, profile, self._q, trip, watch or kind == SEARCH)
+        watched = kind == SEARCH or (watch and self._retreat is None)
+        self._motion = _Motion(kind, target, rate, profile, self._q, trip, watched)
         self.begun += 1
         self.foresee()
         return None
