@@ -14,7 +14,7 @@ SLIP = (0.5, 0.3 * DEG)  # [mm], [rad]: 1 sigma of how far a joint zero slips
 KNOCK = 3.0  # [mm]: of how far a tool, a wire's end or a base is knocked
 TILT = 0.3 * DEG  # of a base
 SHARE = 0.3  # of its tolerance, that another parameter may drift
-SELDOM = 0.1  # how often that happens beside a slip or a knock
+SELDOM = 0.02  # how often that happens beside a slip or a knock: castings keep their shape
 
 Kind = Literal["zero", "tool", "wire", "base", "parameter"]
 
