@@ -9,32 +9,42 @@ import identify
 from identify.model.files import InputError
 from identify.model.tables import plan_text
 from identify.model.zone import zone_poses
+from oed.choice import mean_square, robust
 from oed.criteria import CRITERIA
+from oed.information import built_knowledge, drawn
+from oed.offer import offer
 from oed.planning import plan, summary
+from oed.strategies import STRATEGIES
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import draw_truth
 
-OFFER = 2000  # touches on offer: fewer than a user gets, for speed
+OFFER = 1200  # touches on offer: fewer than a user gets, for speed
 N = 30
 
 
 def planned(cell, n=N, **options):
-    return plan(cell, n, rng=np.random.default_rng(3), count=OFFER, **options)
+    return plan(cell, n, **{"rng": np.random.default_rng(3), "count": OFFER} | options)
 
 
 @pytest.fixture(scope="module")
-def optimal(arc_welder):
-    return planned(arc_welder)
+def results(arc_welder):
+    """One plan by each strategy."""
+    return {strategy: planned(arc_welder, strategy=strategy) for strategy in STRATEGIES}
 
 
-@pytest.fixture(scope="module", params=["even", "random"])
-def plain(request, arc_welder):
-    return planned(arc_welder, strategy=request.param)
+@pytest.fixture(scope="module")
+def optimal(results):
+    return results["optimal"]
 
 
-@pytest.fixture(scope="module", params=["optimal", "even", "random"])
-def result(request, arc_welder, optimal):
-    return optimal if request.param == "optimal" else planned(arc_welder, strategy=request.param)
+@pytest.fixture(params=STRATEGIES)
+def result(request, results):
+    return results[request.param]
+
+
+@pytest.fixture(scope="module")
+def offered(arc_welder):
+    return offer(arc_welder, np.random.default_rng(3), count=OFFER)
 
 
 def test_a_plan_touches_the_planes_of_its_faces(arc_welder, result):
@@ -70,8 +80,9 @@ def test_the_tip_stays_out_of_the_jig_on_the_way_from_touch_to_touch(arc_welder,
     assert not any("way" in note for note in result.notes)
 
 
-def test_the_optimal_plan_promises_less_than_half_the_error_of_others(optimal, plain):
-    assert optimal.promise.rms_mm < 0.75 * plain.promise.rms_mm
+@pytest.mark.parametrize("strategy", ["even", "random"])
+def test_the_optimal_plan_promises_three_quarters_of_the_error_of_others(results, strategy):
+    assert results["optimal"].promise.rms_mm < 0.75 * results[strategy].promise.rms_mm
 
 
 def test_what_is_promised_is_delivered(arc_welder, optimal):
@@ -135,9 +146,8 @@ def test_progress_goes_from_nothing_to_all(arc_welder):
     assert (shares[0], shares[-1]) == (0.0, 1.0)
 
 
-@pytest.mark.parametrize("criterion", ["G", "O4", "E"])
-def test_any_criterion_of_the_table_plans(arc_welder, criterion):
-    result = planned(arc_welder, criterion=criterion)
+def test_a_criterion_that_is_not_smooth_plans_too(arc_welder):
+    result = planned(arc_welder, criterion="O4", count=300)
 
     assert len(result) == N
     assert result.manifold is None
@@ -150,7 +160,7 @@ def test_touches_after_a_calibration_add_to_what_is_known(arc_welder, optimal):
 
     more = planned(arc_welder, 8, after=first)
 
-    tip, R = arc_welder.kinematics.tip(more.plan.q, first.theta)
+    tip, _ = arc_welder.kinematics.tip(more.plan.q, first.theta)
     height = [
         arc_welder.jig.by_name[f].normal @ p - arc_welder.jig.by_name[f].offset
         for f, p in zip(more.plan.face, tip, strict=True)
@@ -158,15 +168,9 @@ def test_touches_after_a_calibration_add_to_what_is_known(arc_welder, optimal):
     assert np.abs(height).max() <= arc_welder.wire.radius + 1e-3  # on the faces by the calibrated robot
     assert len(more) == 8
     assert more.promise.p95_mm < optimal.promise.p95_mm
-    assert R.shape == (8, 3, 3)
 
 
-def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(arc_welder):
-    from oed.choice import mean_square, robust
-    from oed.information import drawn
-    from oed.offer import offer
-
-    offered = offer(arc_welder, np.random.default_rng(3), count=OFFER)
+def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(offered):
     models = drawn(offered.known, 6, np.random.default_rng(8))
     rows = [offered.rows_at(theta) for theta in models]
     B = [mean_square(offered.known.tip_rows(offered.zone, theta)) for theta in models]
@@ -183,26 +187,36 @@ def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(arc_welder):
 
 
 def test_a_robust_plan_can_be_made(arc_welder):
-    assert len(planned(arc_welder, robust=2)) == N
+    assert len(planned(arc_welder, robust=2, count=400)) == N
+
+
+def test_a_plan_for_robots_as_built_sees_what_the_drawing_hides(arc_welder, offered):
+    """Two axes are parallel on the drawing; two more parameters can be told apart where they are not."""
+    built = built_knowledge(arc_welder)
+
+    assert len(offered.drawing.names) == 25
+    assert len(built.names) == 27  # as of any arm whose six axes stand anyhow
+    assert set(np.sign(built.built - arc_welder.theta)) <= {-1.0, 1.0}
+    np.testing.assert_allclose(np.abs(built.built - arc_welder.theta), arc_welder.prior)
 
 
 def test_a_target_is_met_with_few_touches(arc_welder):
-    result = plan(arc_welder, target=0.16, rng=np.random.default_rng(3), count=OFFER)
+    result = planned(arc_welder, None, target=0.2, count=400)
 
-    assert result.promise.p95_mm <= 0.16
-    assert len(result) < 45
+    assert result.promise.p95_mm <= 0.2
+    assert 25 <= len(result) < 45
 
 
 def test_a_target_that_no_number_of_touches_meets_gets_the_floor(arc_welder):
     with pytest.raises(InputError, match=r"no number of touches can promise it.*alone leaves 0\.0\d+ mm"):
-        plan(arc_welder, target=0.02, rng=np.random.default_rng(3), count=OFFER)
+        planned(arc_welder, None, target=0.02, count=400)
 
 
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
         ({"n": 24}, "24 touches cannot determine the 25 identifiable parameters"),
-        ({"n": OFFER + 1}, "only 2000 were found"),
+        ({"n": 101, "count": 100}, "only 100 were found"),
         ({"criterion": "O9"}, "criterion 'O9' is not known.*choose one of O1"),
         ({"strategy": "evn"}, "did you mean 'even'"),
         ({"target": 0.1, "n": 30}, "give one"),
@@ -211,7 +225,7 @@ def test_a_target_that_no_number_of_touches_meets_gets_the_floor(arc_welder):
 )
 def test_a_plan_that_cannot_be_says_why_in_a_sentence(arc_welder, options, sentence):
     with pytest.raises(InputError, match=sentence):
-        plan(arc_welder, **{"n": N, "count": OFFER} | options)
+        planned(arc_welder, **options)
 
 
 def test_a_cell_without_a_jig_gets_one_sentence(arc_welder):
@@ -223,13 +237,13 @@ def test_a_jig_out_of_reach_gets_its_distance(arc_welder):
     far = replace(arc_welder, base=arc_welder.base + np.array([3000.0, 0, 0, 0, 0, 0]))
 
     with pytest.raises(InputError, match=r"\d+ mm"):
-        plan(far, n=30, count=OFFER)
+        planned(far)
 
 
 def test_a_jig_of_one_face_leaves_directions_unseen_and_names_the_face_to_add(arc_welder):
     top = replace(arc_welder.jig, faces=(arc_welder.jig.by_name["top-high"],))
 
-    result = planned(replace(arc_welder, jig=top))
+    result = planned(replace(arc_welder, jig=top), strategy="even", count=400)
 
     assert any("base.x" in sentence or "base.y" in sentence for sentence in result.unseen)
     assert any("add a face that looks along" in sentence for sentence in result.unseen)
