@@ -10,8 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from identify.model.description import read_cell
+from identify.model.schema import ControllerEntry
+from probe.controller import CODES
+from probe.controllers import PROTOCOLS
 
 README = Path(__file__).parents[1] / "README.md"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
@@ -96,6 +100,26 @@ def test_the_blocks_of_the_loop_run_in_a_copy_of_the_demo(number, demo, tmp_path
     run(loop[number], tmp_path / "project")
 
 
+def test_the_virtual_cell_is_touched_as_the_readme_shows(demo, tmp_path):
+    shutil.copytree(demo[0] / "demo", tmp_path / "project")
+    command = next(b.text for b in blocks() if b.heading == "Try it without a robot")
+
+    said = run(command, tmp_path / "project")
+
+    assert "12 approaches visited" in said
+    assert "12 of 12 touches made" in said
+    assert (tmp_path / "project" / "more-touches-corrected.csv").exists()
+
+
+def test_the_controller_section_names_what_there_is():
+    (entry,) = [b.text for b in blocks() if b.heading == "The controller" and b.language == "yaml"]
+    section = README.read_text(encoding="utf-8").partition("## The controller")[2].partition("## Describe")[0]
+
+    assert set(YAML().load(entry)["controller"]) <= set(ControllerEntry.model_fields)
+    assert all(f"`{protocol}`" in section for protocol in PROTOCOLS)
+    assert all(code in section for code in CODES if code not in ("ROBOT", "LOST"))
+
+
 def test_the_cell_files_are_read(tmp_path):
     cells = [b for b in blocks() if b.language == "yaml" and b.text.startswith("robot:")]
 
@@ -132,6 +156,13 @@ def test_the_library_is_used_as_the_readme_shows(capsys):
 
 
 def test_no_shell_block_is_left_unrun():
-    run_somewhere = {"Run the demo", "Run the tests", "The loop", "Accuracy on a real robot", "Beyond geometry"}
+    run_somewhere = {
+        "Run the demo",
+        "Run the tests",
+        "The loop",
+        "Try it without a robot",
+        "Accuracy on a real robot",
+        "Beyond geometry",
+    }
 
-    assert {b.heading for b in blocks() if b.language == "sh"} == run_somewhere
+    assert {b.heading for b in blocks() if b.language == "sh"} == run_somewhere | {"Beyond geometry"}
