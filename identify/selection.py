@@ -2,8 +2,8 @@
 
 From the geometric robot to the richest, each step adds the model that helps most where touches were held out. Of all
 steps the poorest is kept whose held-out errors are within one standard error of the best (Breiman et al. 1984); then a
-model leaves again whose parameters the touches explain better by chance (evidence, MacKay 1992). Every fit is linear
-about the geometric solution, with the priors of the cell: a whole choice takes less than one calibration.
+model leaves again without which the touches are nearly as likely (evidence, MacKay 1992). Every fit is linear about the
+geometric solution, with the priors of the cell: a whole choice takes less than one calibration.
 """
 
 from collections.abc import Sequence
@@ -24,6 +24,7 @@ from identify.problem import Problem
 from identify.regions import regions
 
 FOLDS = 5
+BELIEVED = 2.0  # logarithm of the odds for a model: seven to one, no more than "positive" (Kass and Raftery 1995)
 ROUNDS = 20  # of reweighing, to find touches that no model explains
 
 
@@ -142,12 +143,12 @@ def _within(excess: Float[np.ndarray, " measured"]) -> bool:
 
 
 def _likely(linear: Linear, names: Sequence[str]) -> tuple[str, ...]:
-    """The models without those that the touches make less likely than chance."""
+    """The models without those that chance explains nearly as well."""
     kept = tuple(names)
     while kept:
         without = {name: linear.evidence([k for k in kept if k != name]) for name in kept}
         least = max(without, key=lambda name: without[name])
-        if without[least] < linear.evidence(kept):
+        if without[least] < linear.evidence(kept) - BELIEVED:
             break
         kept = tuple(name for name in kept if name != least)
     return kept
