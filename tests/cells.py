@@ -1,6 +1,7 @@
 """Every robot of the library before a jig that it can touch."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -16,8 +17,9 @@ PLACES = {  # base x, y, z, rz, and tool x, z, ry
 }
 
 
+@cache
 def cell_of(robot: str, jig: str = "step-block") -> Cell:
-    """A robot before a jig, otherwise as the cell of the paper."""
+    """A robot before a jig, otherwise as the cell of the paper; one object each, so that its functions compile once."""
     (x, y, z, rz), (tx, tz, ry) = PLACES[robot]
     return replace(
         read_cell(library("cells")["arc-welder"]),

@@ -104,7 +104,7 @@ def test_the_whole_search_stays_over_the_face_and_within_the_limits(robot):
 
 @pytest.mark.parametrize("robot", PLACES)
 def test_arm_and_torch_keep_clear_all_the_way(robot):
-    cell, some = sample(robot, 12)
+    cell, some = sample(robot, 6)
     clearance = Clearance(cell, cell.theta)
     own = owners(cell.jig, obstacles(cell.jig))
     boxes = [(np.array(b.lower), np.array(b.upper)) for b in cell.jig.boxes]
@@ -112,7 +112,7 @@ def test_arm_and_torch_keep_clear_all_the_way(robot):
     for i in range(len(some)):
         for share in np.linspace(0, 1, 5):
             q = some.approach[i] + share * (some.q[i] - some.approach[i])
-            along = balls(cell, clearance.capsules, q, 150)
+            along = balls(cell, clearance.capsules, q, 80)
             least = MARGIN if share in (0, 0.5, 1) else 0.0  # in between it moves by less than the margin
             for p, capsule in zip(along, clearance.capsules, strict=True):
                 for k, (lo, hi) in enumerate(boxes if capsule.link else []):
@@ -169,14 +169,14 @@ def test_solutions_that_differ_by_whole_turns_are_one():
 
 
 def test_the_same_seed_gives_the_same_candidates():
-    cell = cell_of("arc-welder")
+    cell, other = found("arc-welder")
 
-    first, second, other = (candidates(cell, np.random.default_rng(seed), 300) for seed in (1, 1, 2))
+    first, second = (candidates(cell, np.random.default_rng(1), 300) for _ in range(2))
 
     for name in COLUMNS:
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
     assert len(first) == len(second) == 300
-    assert not np.array_equal(first.q, other.q)
+    assert not np.array_equal(first.q, other.q[:300])
 
 
 def test_rows_are_the_equations_of_the_touches():
@@ -289,7 +289,7 @@ def test_a_wall_beside_the_face_keeps_the_wire_from_leaning_over_it():
     cell = cell_of("arc-welder")
     P = len(cell.robot.parameters)
 
-    some = candidates(cell, np.random.default_rng(3), 3000, covariance=np.zeros((P, P)), margin=5.0)
+    some = candidates(cell, np.random.default_rng(3), 2000, covariance=np.zeros((P, P)), margin=5.0)
 
     faces = [f.name for f in cell.jig.faces]
     beside = (some.face == faces.index("top-low")) & (some.point[:, 1] < 154) & (some.point[:, 0] < 240)
