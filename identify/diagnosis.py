@@ -133,21 +133,25 @@ def _changes(case: _Case) -> tuple[Residuals, list[Finding]]:
 
 def _stick_out(case: _Case, residuals: Residuals) -> _Change | None:
     """A wire that is longer or shorter from some touch on."""
-    place, change, sure = _cut(case, residuals)
+    places, change, sure = _cut(case, residuals)
     if abs(sure) < _sure(len(case.rows.ids)):
         return None
-    name = case.rows.ids[place]
+    names = tuple(case.rows.ids[i] for i in places)
+    others = f", or from {' or '.join(names[1:4])}" if len(names) > 1 else ""
     finding = Finding(
         "stick-out changed",
-        f"from touch {name} on the wire is {abs(change):.2f} mm {'longer' if change > 0 else 'shorter'} "
+        f"from touch {names[0]} on{others}, the wire is {abs(change):.2f} mm {'longer' if change > 0 else 'shorter'} "
         f"({abs(sure):.0f} standard deviations); identify the touches before and after it apart, or touch again",
-        (name,),
+        names,
     )
-    return sure**2, (case.along * (case.order >= place))[:, None], finding
+    return sure**2, (case.along * (case.order >= places[0]))[:, None], finding
 
 
-def _cut(case: _Case, residuals: Residuals) -> tuple[int, float, float]:
-    """The touch from which on another stick-out explains most, the change [mm], and how sure that is.
+def _cut(case: _Case, residuals: Residuals) -> tuple[Int[np.ndarray, " touches"], float, float]:
+    """Touches from which on another stick-out explains most, the best first; the change [mm], and how sure that is.
+
+    After the best come those that the touches do not tell from it (likelihood ratio, 95 %): a touch across the wire
+    does not feel its length.
 
     Sums from the end backwards give all touches at once.
     """
@@ -165,7 +169,11 @@ def _cut(case: _Case, residuals: Residuals) -> tuple[int, float, float]:
     score = np.where(seen, from_the_end(b * residuals.r), 0.0)
     sure = score / np.sqrt(np.where(seen, size, 1.0))
     best = int(np.argmax(np.abs(sure)))
-    return best, -float(score[best] / size[best]) if seen[best] else 0.0, float(sure[best])
+    total = float(residuals.r @ residuals.r)  # the change itself is part of the scatter, and leaves it with each
+    left = np.maximum(1 - sure**2 / total, 1e-9)
+    near = np.flatnonzero(total * np.log(left / left[best]) < 3.84)
+    change = -float(score[best] / size[best]) if seen[best] else 0.0
+    return np.concatenate([[best], near[near != best]]), change, float(sure[best] / np.sqrt(left[best]))
 
 
 def _unsettled(case: _Case) -> Iterator[Finding]:

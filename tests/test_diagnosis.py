@@ -58,7 +58,9 @@ def test_a_wire_that_changed_its_stick_out_is_found_and_the_touch_named(at, chan
 
     found = findings(arc_welder, touches)
 
-    assert found["stick-out changed"].ids == (touches.ids[at],)
+    named = found["stick-out changed"].ids  # the best, and those that a touch across the wire leaves open
+    assert touches.ids[at] in named
+    assert len(named) <= 3
     told = float(found["stick-out changed"].text.split("wire is ")[1].split()[0])
     assert told == pytest.approx(abs(change), abs=0.08)
     assert ("longer" if change > 0 else "shorter") in found["stick-out changed"].text
