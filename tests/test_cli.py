@@ -234,6 +234,14 @@ def test_every_command_explains_itself_with_an_example(command, touchcal):
     assert f"touchcal {command}" in re.split("Examples?:", out)[1]
 
 
+def test_a_reader_that_has_seen_enough_is_no_failure():
+    command = f"{sys.executable} -c 'from oed.cli import main; main([\"--help\"])' | true"
+
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+
+    assert (done.stdout, done.stderr) == ("", "")
+
+
 def test_help_loads_nothing_heavy():
     """The command line answers at once: neither NumPy nor CasADi is loaded for a page of text."""
     script = (

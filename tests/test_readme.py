@@ -18,6 +18,7 @@ from probe.controller import CODES
 from probe.controllers import PROTOCOLS
 
 README = Path(__file__).parents[1] / "README.md"
+USE = "Use the result"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 
 
@@ -120,6 +121,31 @@ def test_the_controller_section_names_what_there_is():
     assert all(code in section for code in CODES if code not in ("ROBOT", "LOST"))
 
 
+@pytest.fixture(scope="module")
+def project(demo, tmp_path_factory):
+    """A copy of the demo with the files that the section on using the result shows."""
+    folder = shutil.copytree(demo[0] / "demo", tmp_path_factory.mktemp("use") / "project")
+    for shown in (b for b in blocks() if b.heading == USE and b.comment.startswith("file: ")):
+        (folder / shown.comment.removeprefix("file: ")).write_text(shown.text + "\n")
+    return folder
+
+
+def test_the_report_says_what_the_readme_shows(project):
+    first = next(b.text for b in blocks() if b.heading == USE and b.language == "sh")
+
+    assert_shown(block("output: ladder").text, run(first, project))
+
+
+@pytest.mark.parametrize("number", range(1, sum(b.heading == USE and b.language == "sh" for b in blocks())))
+def test_the_blocks_that_use_the_result_run_in_a_copy_of_the_demo(number, project):
+    use = [b.text for b in blocks() if b.heading == USE and b.language == "sh"]
+
+    said = run(use[number], project)
+
+    assert "left as they are" not in said
+    assert "out of reach" not in said
+
+
 def test_the_cell_files_are_read(tmp_path):
     cells = [b for b in blocks() if b.language == "yaml" and b.text.startswith("robot:")]
 
@@ -161,6 +187,7 @@ def test_no_shell_block_is_left_unrun():
         "Run the tests",
         "The loop",
         "Try it without a robot",
+        USE,
         "Accuracy on a real robot",
         "Beyond geometry",
     }

@@ -58,9 +58,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         chosen = arguments[0] if arguments and arguments[0] in COMMANDS else ""
         code = application(chosen)(arguments, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
     except CycloptsError as error:
         _say(f"{_sentence(error, arguments)}; see touchcal --help")
         code = BAD_INPUT
+    except BrokenPipeError:  # who read the output has seen enough, as head does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
     except KeyboardInterrupt:
         _say("stopped by the operator; what was finished is on disk")
         code = 130
