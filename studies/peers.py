@@ -55,8 +55,8 @@ def tasks(small: bool) -> list[dict[str, Any]]:
     """One problem a task, all racers on it."""
     if small:
         return [
-            {"data": "tracker", "draw": 0, "size": 40, "seconds": 6},
             {"data": "oed500", "draw": 0, "size": 500, "seconds": 6},
+            {"data": "tracker", "draw": 0, "size": 40, "seconds": 6},
         ]
     found = [
         {"data": data, "draw": draw, "size": MEASUREMENTS, "seconds": 60} for data in QUESTIONS for draw in range(DRAWS)

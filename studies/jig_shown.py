@@ -1,0 +1,107 @@
+"""What the study of the jig found, in words and in pictures."""
+
+import numpy as np
+
+from identify.report.svg import AFTER, BEFORE, OUT, Chart, axis, logarithmic, named, picture
+from studies.engine import Table, column, where
+
+TOUCHES, ROBOTS = 50, 200
+
+
+def answer(table: Table) -> str:
+    """What every change of the jig does to the error."""
+    return "\n".join([_of_faces(table), _of_places(table), _of_second(table)])
+
+
+def _of_faces(table: Table) -> str:
+    faces = where(table, part="faces")
+    promised, simulated = (
+        dict(zip(faces["name"], column(faces, c), strict=True)) for c in ("promised_mm", "simulated_mm")
+    )
+    whole, three = promised["all faces"], promised["three faces"]
+    dropped = sorted(((v / whole - 1, n) for n, v in promised.items() if n.startswith("without")), reverse=True)
+    added = sorted(((v / three - 1, n) for n, v in promised.items() if n.startswith("three and")))
+    return (
+        f"All faces promise {whole:.4f} mm RMS ({simulated['all faces']:.4f} simulated), three {three:.4f} "
+        f"({simulated['three faces']:.4f}). Dropping a face costs: "
+        + ", ".join(f"{n.removeprefix('without ')} {100 * v:.1f} %" for v, n in dropped)
+        + ". Adding one to the three gains: "
+        + ", ".join(f"{n.removeprefix('three and ')} {-100 * v:.1f} %" for v, n in added)
+        + "."
+    )
+
+
+def _of_places(table: Table) -> str:
+    places = where(table, part="placement")
+    best, first = where(places, name="best"), column(places, "promised_mm")[0]
+    k = int(np.argmin(column(best, "promised_mm")))
+    told = {name: float(best[name][k]) for name in ("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg")}
+    return (
+        f"The jig where it stands promises {first:.4f} mm from as many touches on offer; the best place found "
+        f"{column(best, 'promised_mm')[k]:.4f} ({column(best, 'simulated_mm')[k]:.4f} simulated), moved "
+        f"by ({told['x_mm']:.0f}, {told['y_mm']:.0f}, {told['z_mm']:.0f}) mm, turned by {told['rz_deg']:.0f}° and "
+        f"tilted by {told['ry_deg']:.0f}° and {told['rx_deg']:.0f}°; searches ended at "
+        + ", ".join(f"{v:.4f}" for v in column(best, "promised_mm"))
+        + "."
+    )
+
+
+def _of_second(table: Table) -> str:
+    second = where(table, part="second")
+    names, promised = second["name"], column(second, "promised_mm")
+    alone = np.median(promised[[n == "first place alone" for n in names]])
+    listed = ", ".join(
+        f"{n.removeprefix('and ')} {v:.4f}" for n, v in zip(names, promised, strict=True) if n[:3] == "and"
+    )
+    return f"One place promises {alone:.4f} mm, a second one besides: {listed}."
+
+
+def pictures(table: Table) -> dict[str, str]:
+    """Values of faces, places looked at, and second placements."""
+    return {"jig-faces": _faces_drawn(table), "jig-placement": _places_drawn(table), "jig-second": _second_drawn(table)}
+
+
+def _faces_drawn(table: Table) -> str:
+    faces = where(table, part="faces")
+    values = np.array([column(faces, name) for name in ("promised_mm", "simulated_mm")])
+    title = f"RMS tip error after {TOUCHES} touches, mm"
+    names, error = named("", faces["name"]), logarithmic(title, values.ravel())
+    chart = Chart("What each face of the stepped jig is worth", names, error, width=760, slanted=True)
+    for shift, value, shade in zip((-0.12, 0.12), values, (AFTER, BEFORE), strict=True):
+        hints = [f"{n}: {v:.4f} mm" for n, v in zip(faces["name"], value, strict=True)]
+        chart.dots(np.arange(len(value)) + shift, chart.y.scaled(value), shade, hints, 4)
+    chart.legend([(AFTER, "promised"), (BEFORE, f"simulated, median of {ROBOTS} robots")])
+    return picture(chart)
+
+
+def _places_drawn(table: Table) -> str:
+    places = where(table, part="placement")
+    error = column(places, "promised_mm")
+    tilt = np.hypot(column(places, "ry_deg"), column(places, "rx_deg"))
+    good, best = np.isfinite(error), np.array([name == "best" for name in places["name"]])
+    still = (tilt == 0) & ~best
+    title = f"promised RMS tip error of {TOUCHES} touches, mm"
+    wide, high = axis("tilt of the jig, deg", tilt, zero=True), logarithmic(title, error)
+    chart = Chart("Where the searches for the best place of the jig looked", wide, high)
+    for which, shade, size in ((good & ~best & ~still, AFTER, 3), (good & still, OUT, 5), (good & best, BEFORE, 5)):
+        hints = [f"{v:.4f} mm" for v in error[which]]
+        chart.dots(tilt[which], chart.y.scaled(error[which]), shade, hints, size)
+    chart.legend([(AFTER, "looked at"), (OUT, "as the jig stands now"), (BEFORE, "best of each search")])
+    return picture(chart)
+
+
+def _second_drawn(table: Table) -> str:
+    second = where(table, part="second")
+    value = column(second, "promised_mm")
+    kinds = {"first place alone": OUT, "place unknown": BEFORE, "place known": AFTER}
+    at = [i // 3 for i in range(len(value))]
+    names = [n.removeprefix("and ").removesuffix(", place known") for n in second["name"] if n.endswith("place known")]
+    title = f"promised RMS tip error of {TOUCHES} touches, mm"
+    wide, high = named("", names), axis(title, value, zero=True)
+    chart = Chart("What a second placement of the jig buys", wide, high, width=620, slanted=True)
+    for kind, shade in kinds.items():
+        which = [i for i, n in enumerate(second["name"]) if n.endswith(kind)]
+        hints = [f"{second['name'][i]}: {value[i]:.4f} mm" for i in which]
+        chart.dots(np.array([at[i] for i in which], dtype=float), value[which], shade, hints, 4)
+    chart.legend([(shade, kind) for kind, shade in kinds.items()])
+    return picture(chart)
