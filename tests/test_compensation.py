@@ -18,6 +18,7 @@ from identify.model.description import library, read_robot
 from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.inverse import reach
+from identify.selection import with_errors
 from identify.starts import nominal
 from probe.virtual.truth import draw_truth, read_truth, truths
 
@@ -275,3 +276,25 @@ def test_a_named_posture_is_the_one_that_is_kept(arc_welder):
     assert np.abs(upright - q).max() < 1e-6
     assert turned[0, 4] < -0.8
     assert np.abs(transform(poses_at(arc_welder, turned)) - T).max() < 1e-4
+
+
+def test_a_robot_that_bends_and_turns_unevenly_goes_where_it_is_told(arc_welder, targets):
+    bending = with_errors(arc_welder, ("harmonics", "compliance", "backlash"))
+    rng, names = np.random.default_rng(3), bending.robot.parameters
+    theta = bending.theta.copy()
+    theta[[names.index(name) for name in arc_welder.robot.parameters]] = table_2(arc_welder)
+    errors = slice(6 + 5 * len(bending.robot.joints), -6)
+    theta[errors] = bending.scale[errors] * rng.standard_normal(len(theta[errors]))
+    wanted = targets[1][:200]
+
+    result = compensate(identified(bending, theta), wanted)
+
+    done = result.corrected
+    after = driven(arc_welder, result.command[done], result.q[done], arc_welder.theta)  # the controller's own belief
+    reached = bending.kinematics.tip(result.q[done], theta)[0]
+    unaware = compensate(identified(arc_welder, table_2(arc_welder)), wanted)
+    off = bending.kinematics.tip(unaware.q[done], theta)[0] - wanted[done, :3]
+    assert done.mean() > 0.9
+    assert np.abs(reached - wanted[done, :3]).max() < 0.001  # [mm]
+    assert np.linalg.norm(off, axis=1).mean() > 0.2
+    np.testing.assert_allclose(after, arc_welder.kinematics.tip(result.q[done], arc_welder.theta)[0], atol=1e-3)
