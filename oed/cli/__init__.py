@@ -1,5 +1,6 @@
 """The command line: a command is a typed function whose docstring is its help; it reads files and writes files."""
 
+import errno
 import os
 import sys
 import warnings
@@ -31,6 +32,7 @@ COMMANDS = {
 """What each command does, in one line; its module in this package is loaded only when it runs."""
 
 BAD_INPUT, FAILED = 2, 1
+DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}  # full, or not to be written
 
 
 def application(chosen: str = "") -> App:
@@ -95,6 +97,10 @@ def _answer(error: Exception) -> int:
     if isinstance(error, (CalibrationFailed, TouchError)):
         _say(str(error))
         return FAILED
+    if isinstance(error, OSError) and error.errno in DISK:
+        what = f"{error.filename}: cannot be written" if error.filename else "nothing more can be written"
+        _say(f"{what}: {error.strerror}; make room or choose another folder, then go on: what was finished is on disk")
+        return BAD_INPUT
     _say(
         f"unexpected {type(error).__name__}: {error}; please report it with the output of TOUCHCAL_DEBUG=1 touchcal ..."
     )

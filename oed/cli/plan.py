@@ -29,7 +29,8 @@ def plan(
 ) -> None:
     """Choose the touches that tell the most about the robot.
 
-    Writes plan.csv, and beside it a .json file of the same name that says what the plan promises. Example:
+    Writes plan.csv, and beside it a .json file of the same name that says what the plan promises, and a .html page that
+    shows robot, jig and touches in three dimensions. Example:
 
         touchcal plan -n 50 -o plan.csv
 
@@ -60,6 +61,7 @@ def plan(
     """
     import numpy as np
 
+    from identify.report.plan import plan_page
     from oed.planning import plan as make
     from oed.planning import summary
 
@@ -80,6 +82,7 @@ def plan(
     write_text(output, plan_text(result.plan, described.robot))
     told = summary(result) | {"seed": seed}
     write_summary(output.with_suffix(".json"), told, {cell.name: digest(cell)} | dict(described.sources))
+    write_text(output.with_suffix(".html"), plan_page(described, result.plan, told))
     if json:
         print_json(told)
     else:
@@ -107,7 +110,8 @@ def story(told: dict[str, Any], output: Path) -> str:
     ]
     lines += [f"not seen: {sentence}" for sentence in told["unseen"]]
     lines += [f"note: {sentence}" for sentence in told["notes"]]
-    return "\n".join([*lines, f"wrote {output}; make the touches with touchcal run {output}"])
+    page = output.with_suffix(".html").name
+    return "\n".join([*lines, f"wrote {output}, to look at in {page}; make the touches with touchcal run {output}"])
 
 
 def _curve(points: list[dict[str, float]]) -> list[str]:

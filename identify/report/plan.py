@@ -1,0 +1,37 @@
+"""The page of a plan: what it promises in words, and its touches in the 3-D view, before the robot moves."""
+
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+from identify.model.cell import Cell
+from identify.model.touch import Plan
+from identify.report.page import page, table, view
+from identify.report.scene import scene
+
+
+def plan_page(cell: Cell, plan: Plan, told: Mapping[str, Any]) -> str:
+    """A self-contained HTML page of a plan; `told` is what `touchcal plan --json` says of it."""
+    shown = scene(cell, None, plan.ids, plan.face, plan.q, ("",) * len(plan))
+    promise = told["promise"]
+    words = (
+        f"After these {len(plan)} touches the tip should be off by {promise['rms_mm']:.3f} mm (RMS) in the weld zone, "
+        f"and by less than {promise['p95_mm']:.3f} mm at 95 % of it. They take about {told['minutes']:.0f} minutes."
+    )
+    curve = [[f"{point['touches']:.0f}", f"{point['p95_mm']:.3f}"] for point in told["curve"]]
+    sentences = [*(f"Not seen: {text}" for text in told["unseen"]), *(f"Note: {text}" for text in told["notes"])]
+    listed = "".join(f"<li>{escape(text)}</li>" for text in sentences)
+    sections = [
+        f'<h1>Touches for {escape(cell.robot.name)}</h1><p class="verdict">{escape(words)}</p>',
+        f"<ul>{listed}</ul>" if listed else "",
+        "<h2>Robot, jig and touches</h2>", view(shown),
+        "<h2>More or fewer touches like these</h2>",
+        table(["touches", "95 % of the tip errors below, mm"], curve),
+        "<h2>Touches on each face</h2>", table(["face", "touches"], _counted(plan)),
+    ]  # fmt: skip
+    return page(f"Touches for {cell.robot.name}", "\n".join(sections), shown)
+
+
+def _counted(plan: Plan) -> list[list[str]]:
+    names = sorted(set(plan.face))
+    return [[name, str(plan.face.count(name))] for name in names]
