@@ -27,6 +27,12 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(20240)
 
 
+@pytest.fixture
+def unsynced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No waiting for the disk: a killed program loses nothing that it wrote, a power cut is not tried here."""
+    monkeypatch.setattr(os, "fsync", lambda handle: None)
+
+
 @pytest.fixture(scope="session")
 def arc_welder() -> Cell:
     """The cell of the paper, as the library describes it; one object, so that its functions compile once."""

@@ -25,6 +25,7 @@ from probe.rehearsal import rehearse
 from probe.session import Session, journal_path
 from probe.settings import Settings
 
+pytestmark = pytest.mark.usefixtures("unsynced")
 USUAL = Settings(search_speed=10.0)
 
 

@@ -1,6 +1,7 @@
 """The journal and touches.csv: cut at every byte, damaged, edited, locked; no touch is lost, none is doubled."""
 
 import json
+import os
 import subprocess
 import sys
 import zlib
@@ -22,6 +23,7 @@ from probe.journal import Journal, line_of, read_records, record_of
 from probe.records import Intent, Reading, Result
 from probe.session import Session, journal_path, rebuilt
 
+pytestmark = pytest.mark.usefixtures("unsynced")
 BACKUP = "touches.csv.bak"
 
 
@@ -148,6 +150,23 @@ def test_everything_that_a_session_knows_is_known_again_after_opening_it(
         assert session.search is None
 
 
+def test_a_result_is_on_the_disk_in_the_journal_and_then_in_the_table_before_the_call_returns(
+    tmp_path: Path, arc_welder: Cell, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, synced = tmp_path / "touches.csv", list[tuple[int, int]]()
+
+    def noted(handle: int) -> None:
+        synced.append((os.fstat(handle).st_ino, os.fstat(handle).st_size))
+
+    with Session(path, arc_welder, plan, clock=Ticks()) as session:
+        monkeypatch.setattr(os, "fsync", noted)
+        touch(session, "a")
+
+    files = [(file.stat().st_ino, file.stat().st_size) for file in (journal_path(path), path)]
+    assert len(synced) == 4  # intent, latch, result; the row
+    assert synced[-2:] == files
+
+
 def test_killed_at_any_byte_no_touch_is_lost_and_none_is_doubled(tmp_path: Path, arc_welder: Cell, plan: Plan) -> None:
     path, journal = tmp_path / "touches.csv", journal_path(tmp_path / "touches.csv")
     clock = Ticks()
@@ -167,9 +186,9 @@ def test_killed_at_any_byte_no_touch_is_lost_and_none_is_doubled(tmp_path: Path,
     whole = journal.read_bytes(), path.read_bytes()
 
     for (journal_before, table_before), (journal_after, _) in [*states, (whole, whole)]:
-        for cut in range(len(journal_before), len(journal_after) + 1, 11):
+        for cut in range(len(journal_before), len(journal_after) + 1, 23):
             check_resumed(path, arc_welder, plan, journal_after[:cut], table_before)
-    for cut in range(0, len(whole[1]) + 1, 7):  # the table is written after its result: cut while the journal is whole
+    for cut in range(0, len(whole[1]) + 1, 13):  # the table is written after its result: cut while the journal is whole
         check_resumed(path, arc_welder, plan, whole[0], whole[1][:cut])
 
 
