@@ -33,6 +33,9 @@ def complaint(module, target):
         return "" if may_use_casadi(module) else "CasADi stays in the model, calibration, compensation and refinement"
     if target == "serial" or target.startswith("serial."):
         return "" if module == "probe.transport" else "the serial port is opened in probe.transport alone"
+    if within(module, "probe") and within(target, "probe") and "probe.virtual" in (module[:13], target[:13]):
+        apart = within(module, "probe.virtual") != within(target, "probe.virtual")
+        return "the virtual cell and the driver share nothing: an error in both would cancel itself" if apart else ""
     room = module.split(".")[0]
     if room == "studies" or within(target, room):
         inward = within(module, "identify.model") and not within(target, "identify.model")
@@ -105,6 +108,8 @@ PLANTED = {
     "touching knows identification": ("probe/session.py", "from identify.calibration import calibrate"),
     "touching knows the package around the model": ("probe/session.py", "from identify import calibrate"),
     "touching knows planning": ("probe/session.py", "import oed.criteria as c"),
+    "the virtual cell reads lines as the driver does": ("probe/virtual/line.py", "from probe.framing import unseal"),
+    "the driver knows the virtual cell": ("probe/link.py", "from probe.virtual.line import crc"),
     "planning knows identification": ("oed/planning.py", "from identify import calibration"),
     "planning knows touching": ("oed/planning.py", "import numpy, probe"),
     "planning knows studies": ("oed/planning.py", "import studies"),
