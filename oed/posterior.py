@@ -58,7 +58,7 @@ class _Search:
         self.free = free(self.cell)
         self.prior = self.cell.prior[self.free]
         self.model = measurement_model(self.cell.robot)
-        self.rows = rows(self.cell.wire, [self.touches])
+        self.rows = rows(self.cell.wire, [self.touches], self.cell.robot.temperature)
         self.names = tuple(f.name for f in faces)
         self.normal, self.offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])
         self.origin, self.size = np.stack([f.origin for f in faces]), np.stack([f.size for f in faces])
@@ -164,7 +164,7 @@ def free(cell: Cell) -> Bool[np.ndarray, " parameters"]:
 def provisional(cell: Cell, belief: Belief) -> Calibration:
     """A belief in the shape of a calibration, to plan touches after it; all free parameters are in it."""
     names, known = cell.robot.parameters, free(cell)
-    found: Rows = rows(cell.wire, [belief.touches])
+    found: Rows = rows(cell.wire, [belief.touches], cell.robot.temperature)
     model, ids = measurement_model(cell.robot), belief.touches.ids
     before, after = (model.residual(theta, found) for theta in (cell.theta, belief.theta))
     good = after[belief.used]

@@ -11,6 +11,7 @@ import pytest
 from measured import poses_over_jig, positions_at, table_2, touches_at
 
 from identify.calibration import calibrate
+from identify.model.calibration import Finding, Term
 from identify.model.cell import Cell
 from identify.model.jig import Jig
 from identify.report.report import report
@@ -181,3 +182,18 @@ def test_a_hostile_cell_is_harmless_in_the_browser(browser, calibration, measure
 
     assert browser.title != "owned"
     assert HOSTILE in browser.execute_script("return document.body.innerText")
+
+
+def test_joint_errors_that_the_touches_chose_and_faults_stand_in_the_page(calibration, measured):
+    told = replace(
+        calibration,
+        choice=(Term("compliance", 0.08, 0.17, 0.006, True), Term("gear", 0.0801, -0.0001, 0.0004, False)),
+        findings=(Finding("drift", "the tip moves by <1> mm"), Finding("outliers", "one", ("t1",))),
+    )
+
+    page = report(told, [measured])
+
+    assert "geometry alone" in page
+    assert "0.250" in page  # what compliance leaves, and what it buys
+    assert "<b>drift</b>: the tip moves by &lt;1&gt; mm" in page
+    assert "geometry alone" not in report(calibration, [measured])

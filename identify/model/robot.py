@@ -97,6 +97,11 @@ class Robot:
         return tuple(unit for unit, _ in self._units)
 
     @cached_property
+    def decimals(self) -> tuple[int, ...]:
+        """Digits behind the point that a person wants to see of each parameter."""
+        return tuple(6 if unit == "1" else 3 for unit in self.units)
+
+    @cached_property
     def _units(self) -> tuple[tuple[str, float], ...]:
         """File unit of each parameter, and the factor from there to the inside."""
         angles, lengths = ("deg", np.pi / 180), ("mm", 1.0)

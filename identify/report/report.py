@@ -9,6 +9,7 @@ from identify.ladder import ladder
 from identify.model.calibration import Calibration, Errors, summarize
 from identify.model.touch import Positions, Touches
 from identify.report import charts
+from identify.report.beyond import chosen, findings
 from identify.report.page import page, table, view
 from identify.report.scene import scene
 from identify.report.ways import ways
@@ -31,8 +32,9 @@ def report(c: Calibration, measured: Sequence[Touches | Positions] = (), verifie
         "" if zone is None else f"<h2>Expected tip error in the weld zone</h2>{charts.zone_slices(zone)}{ZONE}",
         "<h2>Robot, jig and touches</h2>", view(shown),
         "<h2>Residuals</h2>",
-        f'<div class="row">{charts.residuals_by_face(c, faces)}{charts.residuals_in_time(c)}</div>', _outliers(c),
-        "<h2>Parameters</h2>", _parameters(c),
+        f'<div class="row">{charts.residuals_by_face(c, faces)}{charts.residuals_in_time(c)}</div>',
+        findings(c), _outliers(c),
+        chosen(c), "<h2>Parameters</h2>", _parameters(c),
         f'<div class="row">{charts.singular_values(c)}{charts.correlations(c)}</div>',
         "<h2>How to apply it</h2>", APPLY, ways(ladder(c)), SCALE,
         "<h2>Where it comes from</h2>", table(["file", "SHA-256"], hashes),
@@ -128,10 +130,10 @@ def _parameters(c: Calibration) -> str:
         }
         words = sight.get(status) or _carried(c, name)
         value, start = c.theta[i] / unit[i], c.start[i] / unit[i]
-        known = status == "estimated"
+        known, digits = status == "estimated", c.cell.robot.decimals[i]
         rows.append([
-            f"{name} [{c.cell.robot.units[i]}]", f"{start:.3f}", f"{value:.3f}" if known else "",
-            f"{value - start:+.3f}" if known else "", f"{sigma:.3f}" if known else "", words,
+            f"{name} [{c.cell.robot.units[i]}]", f"{start:.{digits}f}", f"{value:.{digits}f}" if known else "",
+            f"{value - start:+.{digits}f}" if known else "", f"{sigma:.{digits}f}" if known else "", words,
         ])  # fmt: skip
     return table(["parameter", "start", "identified", "change", "+- (95 %)", ""], rows, (5,))
 

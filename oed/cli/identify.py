@@ -186,5 +186,7 @@ def _parameters(c: Calibration) -> list[str]:
     for i in c.index:
         start, value, sigma = c.start[i] / unit[i], c.theta[i] / unit[i], c.sigma[i] / unit[i]
         name = f"{c.cell.robot.parameters[i]} {c.cell.robot.units[i]}"
-        lines.append(f"{name:16}{start:12.3f}{value:12.3f}{value - start:10.3f}{1.96 * sigma:11.3f}")
+        digits = c.cell.robot.decimals[i]
+        numbers = ((start, 12), (value, 12), (value - start, 10), (1.96 * sigma, 11))
+        lines.append(f"{name:16}" + "".join(f"{x:{width}.{digits}f}" for x, width in numbers))
     return lines

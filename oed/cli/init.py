@@ -37,6 +37,9 @@ zone: {{box_mm: [[{lo[0]:.0f}, {hi[0]:.0f}], [{lo[1]:.0f}, {hi[1]:.0f}], [{lo[2]
 # How wrong the numbers above and the robot's drawing may be, 1 sigma.
 priors: {{base_mm: 10, base_deg: 2, tool_mm: 10, tool_deg: 2, length_mm: 3, angle_deg: 1}}
 
+# Joint errors beyond geometry, once touches have chosen them (touchcal identify --errors auto).
+# errors: [harmonics, compliance, backlash]
+
 # The serial line: /dev/ttyUSB0, COM5, socket://192.168.0.5:5007; sim is the embedded virtual robot.
 controller: {{port: sim, protocol: line}}
 """
