@@ -6,9 +6,11 @@ from typing import Any
 _FRONT = {
     "calibrate": "identify.calibration",
     "compensate": "identify.compensation",
+    "judge": "identify.health",
+    "locate": "identify.localization",
     "verify": "identify.verification",
 }
-__all__ = ["calibrate", "compensate", "verify"]
+__all__ = ["calibrate", "compensate", "judge", "locate", "verify"]
 
 
 def __getattr__(name: str) -> Any:

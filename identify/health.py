@@ -45,7 +45,7 @@ class Health:
     rms_expected_mm: float  # of these, of a robot that has not changed
 
 
-def health(calibration: Calibration, touches: Touches, alarm: float = ALARM) -> Health:
+def judge(calibration: Calibration, touches: Touches, alarm: float = ALARM) -> Health:
     """Compare touches with a calibration that has not seen them.
 
     Residuals are judged by their covariance, that of the touches and of the calibration: by their sum of squares, and

@@ -13,7 +13,7 @@ from scipy.stats import binom
 
 from identify.calibration import calibrate
 from identify.causes import causes, looked_for
-from identify.health import ALARM, health, noticed
+from identify.health import ALARM, judge, noticed
 from identify.model.calibration import write_calibration
 from identify.model.description import library
 from identify.model.files import InputError
@@ -58,12 +58,12 @@ def check(arc_welder, found, plan):
     """Judge a robot that the calibration leaves possible, after a change of its parameters."""
     root = np.linalg.cholesky(found.covariance)
 
-    def judge(change, rng, alarm=ALARM):
+    def judged(change, rng, alarm=ALARM):
         theta = found.theta.copy()
         theta[found.index] += root @ rng.standard_normal(len(found.index))
-        return health(found, checked(arc_welder, plan, theta + change, rng), alarm)
+        return judge(found, checked(arc_welder, plan, theta + change, rng), alarm)
 
-    return judge
+    return judged
 
 
 def changed(cell, **change):
@@ -138,7 +138,7 @@ def test_one_touch_that_went_wrong_is_not_taken_for_a_change_of_the_robot(arc_we
     rng = np.random.default_rng(6)
     touches = checked(arc_welder, plan, found.theta, rng)
 
-    result = health(found, with_offsets(touches, touches.offset + 2.0 * (np.arange(len(plan)) == 4)))
+    result = judge(found, with_offsets(touches, touches.offset + 2.0 * (np.arange(len(plan)) == 4)))
 
     assert (result.verdict, result.findings[0].cause.name) == ("doubtful", f"touch {plan.ids[4]}")
 
@@ -200,9 +200,9 @@ def test_too_few_touches_and_touches_of_the_fit_are_refused(arc_welder, found, p
     )
 
     with pytest.raises(InputError, match="5 touches are too few to judge a robot by; make 6 at least"):
-        health(found, touches.take(np.arange(5)))
+        judge(found, touches.take(np.arange(5)))
     with pytest.raises(InputError, match=r"100 of 100 measurements were used in the fit .* touch again"):
-        health(found, seen)
+        judge(found, seen)
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from workpieces import latched, postures, touches_of
 
+import identify
 from identify.calibration import calibrate
 from identify.localization import locate, move_of
 from identify.model.description import library, read_jig
@@ -176,6 +177,10 @@ def test_the_sigma_of_a_point_is_that_of_moves_drawn_from_the_covariance(found, 
     moved = np.einsum("pik,dk->pdi", move_of(point), moves)
 
     assert location.point_sigma(point) == pytest.approx(np.sqrt((moved**2).sum(axis=2).mean(axis=1)), rel=0.05)
+
+
+def test_the_front_page_names_it():
+    assert identify.locate is locate
 
 
 def test_no_touches_are_refused(arc_welder, box):

@@ -11,8 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.causes import looked_for
-from identify.health import ALARM, TOUCH, Finding, Health, noticed
-from identify.health import health as judged
+from identify.health import ALARM, TOUCH, Finding, Health, judge, noticed
 from identify.model.calibration import Calibration, read_calibration
 from identify.model.files import InputError, digest, write_text
 from identify.model.tables import plan_text, read_plan
@@ -79,7 +78,7 @@ def health(
             return 0
         touches = (_made(output, made, calibration, cell, port, protocol, truth, json),)
     tables, _ = read_measured(touches, identified.cell, trust_units)
-    found = judged(identified, reduce(joined, map(only_touches, tables)), alarm)
+    found = judge(identified, reduce(joined, map(only_touches, tables)), alarm)
     if json:
         print_json(summary(found))
     else:
