@@ -9,6 +9,7 @@ from virtual_support import make_plan
 from identify.model.cell import Cell
 from identify.model.inverse import reach
 from identify.model.touch import Plan
+from identify.selection import with_errors
 from probe.virtual.batch import search_end, touch_batch
 from probe.virtual.contact import Paths, first_contact, touching
 from probe.virtual.motion import straight
@@ -303,3 +304,20 @@ def test_a_bouncing_contact_chatters_after_it_closes_and_settles(arc_welder, exa
 
     assert {contact for since, contact in readings if since < 0.05} == {True, False}
     assert all(contact for since, contact in readings if since > 0.0501)
+
+
+def test_a_robot_that_truly_bends_touches_where_it_truly_is(arc_welder, plan):
+    bending = with_errors(arc_welder, ("compliance", "harmonics"))
+    theta = bending.theta.copy()
+    theta[bending.robot.parameters.index("j3.sag4")] = np.radians(0.5)
+    truth = with_effects(Truth(theta, robot=bending.robot), sigma=0.0)
+    robot = robot_at(arc_welder, truth, plan)
+    face = arc_welder.jig.by_name[plan.face[0]]
+
+    robot.search(plan.approach[0] + 2.4 * (plan.q[0] - plan.approach[0]), SLOW)
+
+    position, R = bending.kinematics.tip(robot.touches[0].arm[None], theta)
+    lean = face.normal @ R[0, :, 2]
+    height = face.normal @ position[0] - face.offset - arc_welder.wire.radius * np.sqrt(1 - lean**2)
+    assert abs(height) < 0.01  # [mm], what it moves in a servo step
+    assert np.linalg.norm(position[0] - tip(arc_welder, robot.touches[0].arm)) > 0.5
