@@ -21,7 +21,7 @@ from oed.targets import Targets, spread, structured
 
 COUNT = 30_000
 ROUND = (3_000, 16_000)  # targets asked for at a time, at the least and at the most
-STRUCTURED = 0.7  # of them; the others are spread evenly
+STRUCTURED = 0.9  # of them; the others are spread evenly
 ROUNDS = 8  # at the most, or as many as give three times the targets for what is asked
 EXPLORED = 0.2  # of as many contacts, that show first what can be reached, and how uncertain the tip is there
 

@@ -20,7 +20,7 @@ from oed.aim import Aim
 from oed.offer import Offer
 from oed.refinement import Refinement
 
-STARTS = 48
+STARTS = 32
 NEAR = 0.5  # [rad], starts of one face that are nearer than this in every joint would be polished to the same maximum
 
 

@@ -97,7 +97,8 @@ def optimal(offered: Offer, n: int, aim: Aim) -> Pick:
 def robust(offered: Offer, n: int, models: Float[np.ndarray, "models parameters"], zone: bool, worst: bool) -> Pick:
     """Choose what is best over several robots: by the mean of the criterion over them, or with `worst` by the least.
 
-    The criterion is the mean tip variance of each in the `zone`, or else its log det.
+    The criterion is the mean tip variance of each in the `zone`, or else its log det. The first robot is where the
+    search begins.
     """
     P, plain = offered.known.precision, Aim()
     aims = [Aim(mean_square(offered.known.tip_rows(offered.zone, theta))) if zone else plain for theta in models]
@@ -112,8 +113,13 @@ def robust(offered: Offer, n: int, models: Float[np.ndarray, "models parameters"
         pool = some[np.argsort(-worth, kind="stable")[: POOL // 2]]
         pool = np.concatenate([start, np.setdiff1d(pool, start)])
         rows, fit = all_rows[:, pool], allowed[pool]
-        best = swapped(rows, P, np.arange(n), aims, allowed=fit)  # the mean leads past sets where the least sticks
-        return pool[swapped(rows, P, best, aims, allowed=fit, worst=True) if worst else best]
+        alone = swapped(rows[:1], P, np.arange(n), aims[:1], allowed=fit)
+        best = swapped(rows, P, alone, aims, allowed=fit)  # the mean leads past sets where the least sticks
+        if not worst:
+            return pool[best]
+        found = [swapped(rows, P, start, aims, allowed=fit, worst=True) for start in (alone, best)]
+        least = [min(aim.value(P + F[i].T @ F[i]) for aim, F in zip(aims, rows, strict=True)) for i in found]
+        return pool[found[int(np.argmax(least))]]
 
     return pick
 

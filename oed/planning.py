@@ -22,7 +22,7 @@ from oed.unseen import limiting, unseen
 from oed.zone import Promise
 
 CRITERION = "V"
-COUNT = 12_000  # touches on offer: refined, a plan from 30,000 is no better
+COUNT = 20_000  # touches on offer: more are worth a percent each time that their number doubles
 MANIFOLD = "all touches of the faces, as far as polishing the best on offer finds better ones, clear of the jig or not"
 Progress = Callable[[str, float], None]  # what is being done, and how much of the whole is done (0 ... 1)
 

@@ -22,7 +22,8 @@ from oed.sequence import Order
 
 STRATEGIES = ("optimal", "even", "random")
 RETURNS = 5  # times that touches at ways which moving them has blocked are put back
-SEARCHES = 60  # local ones for the set that is refined then: ten times as many are worth half a percent
+SEARCHES = 40  # local ones for the set that is refined then: ten times as many are worth half a percent
+SWEEPS = 2  # of moving touches: a third gains nothing that counts
 FEWER = 16  # of them, where each compares sets by a criterion with kinks
 GAP = 3e-3  # of the relaxation: its bound holds at any gap
 Say = Callable[[str, float], None]
@@ -132,7 +133,7 @@ class Setting:
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
     ) -> tuple[Candidates, Order]:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
-        moved = refine(refinement, touches, self.aim, self._value, progress=say)
+        moved = refine(refinement, touches, self.aim, self._value, sweeps=SWEEPS, progress=say)
         for _ in range(RETURNS):
             order = self._ordered(moved)
             if not order.blocked:
