@@ -21,9 +21,10 @@ from identify.model.frames import inverse, rotation, transform
 from identify.placement import Placement, grid, rotation_of
 
 SIGMA = 0.05  # [mm]
-TRIALS = 500
+TRIALS, ROBOTS = 500, 5  # each hidden pose is touched by five robots
 THREE_TWO_ONE = ["top"] * 3 + ["front"] * 2 + ["right"]
 SPREAD = [[0.1, 0.1], [0.9, 0.15], [0.5, 0.9], [0.5, 0.1], [0.5, 0.9], [0.5, 0.5]]  # front: u up, v along x
+SIX = THREE_TWO_ONE, SPREAD
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +65,17 @@ def error(location, truth):
 
 def test_three_two_one_on_a_box_finds_hidden_poses_within_the_intervals(found, box):
     rng = np.random.default_rng(11)
-    T = np.array([hidden(found, rng) for _ in range(TRIALS)])
+    some = np.array([hidden(found, rng) for _ in range(TRIALS // ROBOTS)])
+    point = np.stack([box.by_name[f].point(np.array(s), np.array(t)) for f, (s, t) in zip(*SIX, strict=True)])
+    q = postures(found, box, np.repeat(some, 6, axis=0), SIX[0] * len(some), np.tile(point, (len(some), 1)), rng)
+    T = np.repeat(some, ROBOTS, axis=0)
     theta = np.tile(found.theta, (TRIALS, 1))  # robots that the calibration leaves possible
     theta[:, found.index] += rng.multivariate_normal(np.zeros(len(found.index)), found.covariance, TRIALS)
     off = 0.02 * rng.standard_normal((TRIALS, 3))  # of the three faces from the drawing
-    q = touched(
-        found, box, np.repeat(T, 6, axis=0), THREE_TWO_ONE * TRIALS, SPREAD * TRIALS, rng,
-        np.repeat(theta, 6, axis=0), off[:, [0, 0, 0, 1, 1, 2]].ravel(),
+    q = np.repeat(q.reshape(-1, 6, 6), ROBOTS, axis=0).reshape(-1, 6)
+    q = latched(
+        found, box, np.repeat(T, 6, axis=0), SIX[0] * TRIALS, q, np.repeat(theta, 6, axis=0), rng, SIGMA,
+        off[:, [0, 0, 0, 1, 1, 2]].ravel(),
     ).reshape(TRIALS, 6, 6)  # fmt: skip
 
     locations = [locate(found, box, touches_of(box, THREE_TWO_ONE, each, SIGMA)) for each in q]
