@@ -33,7 +33,8 @@ def validate(plan: Plan, cell: Cell, settings: Settings, joints: int | None = No
     if mistakes or cell.jig is None:
         raise InputError(mistakes or "the cell has no jig to touch; name one in cell.yaml (jig: library:step-block)")
     geometry = Geometry(cell, settings)
-    mistakes = [Mistake("plan", 0, text) for i in range(len(plan)) for text in _joints(plan, i, cell)]
+    mistakes = [Mistake("plan", 0, text) for text in _elsewhere(plan, geometry)]
+    mistakes = mistakes or [Mistake("plan", 0, text) for i in range(len(plan)) for text in _joints(plan, i, cell)]
     if mistakes:
         raise InputError(mistakes)
     targets = [geometry.target(plan, i, cell.jig) for i in range(len(plan))]
@@ -59,6 +60,18 @@ def _settings(settings: Settings) -> Iterator[str]:
         yield f"{settings.retries} retries and a stop after {settings.misses} misses, expected at least 0 and 1"
 
 
+def _elsewhere(plan: Plan, geometry: Geometry) -> Iterator[str]:
+    """A plan for another robot, in one sentence for all of its touches."""
+    if geometry.cell.base is None or geometry.cell.tool is None:
+        return
+    away = np.linalg.norm(geometry.tip(plan.q) - plan.point, axis=1)
+    if far := int(np.sum(away > ELSEWHERE)):
+        yield (
+            f"the model puts the tip up to {away.max():.0f} mm from the point to touch, {far} times in {len(plan)} "
+            "touches; is the plan for another robot or cell?"
+        )
+
+
 def _joints(plan: Plan, i: int, cell: Cell) -> Iterator[str]:
     """Joint limits at approach and contact, and on the way there."""
     robot = cell.robot
@@ -78,9 +91,6 @@ def _touch(plan: Plan, i: int, target: Target, geometry: Geometry) -> Iterator[s
     if np.abs(plan.normal[i] - target.face.normal).max() > 1e-4:
         yield f"its normal is not that of face '{target.face.name}'; is the plan for another jig?"
     contact, approach = geometry.tip(np.stack([target.contact, target.approach]))
-    away = float(np.linalg.norm(contact - plan.point[i]))
-    if cell.base is not None and cell.tool is not None and away > ELSEWHERE:
-        yield f"the model puts the tip {away:.0f} mm from the point to touch; is the plan for another robot or cell?"
     clear = float(target.face.normal @ (approach - contact))
     if clear < CLEARANCE:
         yield f"the approach lies {clear:.1f} mm before the face, expected at least {CLEARANCE:g}; plan again"

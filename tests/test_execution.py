@@ -142,7 +142,7 @@ def test_the_prediction_sharpens_as_touches_come_in(cell: Cell) -> None:
     ("change", "sentence"),
     [
         (lambda plan: replace(plan, face=("roof", *plan.face[1:])), "has no face 'roof'"),
-        (lambda plan: replace(plan, q=plan.q + 3.0), "limits of this robot"),
+        (lambda plan: replace(plan, q=plan.q + np.eye(6)[5] * 2 * np.pi), "limits of this robot"),
         (lambda plan: replace(plan, normal=np.roll(plan.normal, 1, axis=1)), "for another jig"),
         (lambda plan: replace(plan, point=plan.point + 200.0), "for another robot or cell"),
         (lambda plan: replace(plan, approach=plan.q + 0.05 * (plan.approach - plan.q)), "before the face"),
