@@ -255,7 +255,7 @@ def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, fol
     (["health", "calibration.json", "none.csv"], "none.csv: no such file"),
     (["health", "calibration.json", "none.csv", "--run"], "touches are given and --run asks for new ones"),
     (["health", "calibration.json", "--alarm", "2"], "--alarm is 2, expected a probability such as 0.01"),
-    (["health", "calibration.json", "-n", "0"], "0 touches are asked for"),
+    (["health", "calibration.json", "-n", "5"], "5 touches are too few to judge a robot by; plan 6 at least"),
 ])  # fmt: skip
 def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, capsys):
     before = sorted(folder.rglob("*"))

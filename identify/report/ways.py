@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identify.ladder import Rung
+from identify.ladder import FRAMES, MODEL, Rung
 from identify.report.page import table
 from identify.report.svg import AFTER, BEFORE, Chart, axis, named
 
+SHORT = {FRAMES: "and base frame", MODEL: "full model"}  # under a bar, where there is little room
 SAID = """<p class="soft">Predicted tip errors in the weld zone. Zeros, tool and base frame are the best that there are
 for each row; entering the true ones of some gives less. Verify what you have applied with touches.</p>"""
 
@@ -25,7 +26,7 @@ def _bars(rungs: Sequence[Rung]) -> str:
     mean, p95 = (np.array([getattr(r.errors, key) for r in rungs]) for key in ("mean_mm", "p95_mm"))
     chart = Chart(
         "Tip error in the weld zone, by what is applied",
-        named("", [r.way for r in rungs]), axis("tip error, mm", p95, zero=True), 520, 260, slanted=True,
+        named("", [SHORT.get(r.way, r.way) for r in rungs]), axis("tip error, mm", p95, zero=True), 520, 260, slanted=True,
     )  # fmt: skip
     place = np.arange(float(len(rungs)))
     chart.bars(place, p95, BEFORE, [f"{r.way}: 95 % below {r.errors.p95_mm:.3f} mm" for r in rungs])

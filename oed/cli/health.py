@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.causes import looked_for
-from identify.health import ALARM, TOUCH, Finding, Health, judge, noticed
+from identify.health import ALARM, LEAST, TOUCH, Finding, Health, judge, noticed
 from identify.model.calibration import Calibration, read_calibration
 from identify.model.files import InputError, digest, write_text
 from identify.model.tables import plan_text, read_plan
@@ -69,6 +69,8 @@ def health(
     identified = read_calibration(calibration)
     if not 0 < alarm < 1:
         raise InputError(f"--alarm is {alarm:g}, expected a probability such as 0.01")
+    if n < LEAST:
+        raise InputError(f"{n} touches are too few to judge a robot by; plan {LEAST} at least, better 12")
     if touches and run:
         raise InputError("touches are given and --run asks for new ones; give one of the two")
     if not touches:
