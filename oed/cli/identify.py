@@ -133,7 +133,6 @@ def story(c: Calibration, output: Path) -> str:
         *_parameters(c),
         "",
         *ladder_lines(c),
-        "",
         f"wrote {output}; an accuracy comes from touches not used here: touchcal verify {output} FILE",
     ]
     return "\n".join(lines)

@@ -99,7 +99,7 @@ def ladder_lines(calibration: Calibration) -> list[str]:
 
     rungs = ladder(calibration)
     table = errors_table({rung.way: rung.errors for rung in rungs})
-    return ["predicted tip error in the zone, by what the controller gets:", table] if rungs else []
+    return ["predicted tip error in the zone, by what the controller gets:", table, ""] if rungs else []
 
 
 @contextmanager

@@ -42,9 +42,7 @@ def report(
     verified = verify(found, *read_measured(unseen, found.cell, trust_units=False)[0]) if unseen else None
     write_text(output, make(found, measured, verified))
     write_text(output.with_suffix(".json"), dumps(calibration_entry(found), indent=1) + "\n")
-    if lines := ladder_lines(found):
-        print("\n".join([*lines, ""]))
-    print(f"wrote {output}; open it in a browser, it needs no network")
+    print("\n".join([*ladder_lines(found), f"wrote {output}; open it in a browser, it needs no network"]))
 
 
 def _inputs(found: Calibration, folder: Path) -> Iterable[Path]:
