@@ -33,16 +33,16 @@ def _of_faces(table: Table) -> str:
 
 def _of_places(table: Table) -> str:
     places = where(table, part="placement")
-    best, first = where(places, name="best"), column(places, "promised_mm")[0]
-    k = int(np.argmin(column(best, "promised_mm")))
-    told = {name: float(best[name][k]) for name in ("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg")}
+    ended = column(where(places, name="best"), "simulated_mm")
+    error, looked = column(places, "promised_mm"), np.array([name != "best" for name in places["name"]])
+    k = int(np.nanargmin(np.where(looked, error, np.nan)))
+    at = {name: float(places[name][k]) for name in ("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg")}
     return (
-        f"The jig where it stands promises {first:.4f} mm from as many touches on offer; the best place found "
-        f"{column(best, 'promised_mm')[k]:.4f} ({column(best, 'simulated_mm')[k]:.4f} simulated), moved "
-        f"by ({told['x_mm']:.0f}, {told['y_mm']:.0f}, {told['z_mm']:.0f}) mm, turned by {told['rz_deg']:.0f}° and "
-        f"tilted by {told['ry_deg']:.0f}° and {told['rx_deg']:.0f}°; searches ended at "
-        + ", ".join(f"{v:.4f}" for v in column(best, "promised_mm"))
-        + "."
+        f"The jig where it stands promises {error[0]:.4f} mm, the best of {int(looked.sum())} places looked at "
+        f"{error[k]:.4f}, moved by ({at['x_mm']:.0f}, {at['y_mm']:.0f}, {at['z_mm']:.0f}) mm, turned by "
+        f"{at['rz_deg']:.0f}° and tilted by {at['ry_deg']:.0f}° and {at['rx_deg']:.0f}°, the worst "
+        f"{np.nanmax(error):.4f}; {int(np.isnan(error).sum())} cannot be touched. Robots identified with the jig at "
+        f"the end of each search are off by {', '.join(f'{v:.4f}' for v in ended)} mm."
     )
 
 
