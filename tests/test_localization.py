@@ -17,7 +17,8 @@ from identify.calibration import calibrate
 from identify.localization import locate, move_of
 from identify.model.description import library, read_jig
 from identify.model.files import InputError
-from identify.model.frames import inverse, rotation, transform
+from identify.model.frames import inverse, pose, rotation, transform
+from identify.model.jig import Jig
 from identify.placement import Placement, grid, rotation_of
 
 SIGMA = 0.05  # [mm]
@@ -171,6 +172,21 @@ def test_a_pose_nearby_leads_to_the_same_answer_as_starting_from_everywhere(foun
     near = locate(found, box, touches, near=location.pose + np.array([40, -30, 20, 0.3, -0.2, 0.2]))
 
     assert near.base_T_workpiece == pytest.approx(location.base_T_workpiece, abs=1e-5)
+
+
+def test_where_two_poses_fit_both_are_named_and_a_pose_nearby_decides(arc_welder, box):
+    known, rng = identified(arc_welder, table_2(arc_welder)), np.random.default_rng(32)
+    large = [replace(f, origin=f.origin - 2 * f.u - 2 * f.v, u=5 * f.u, v=5 * f.v) for f in box.faces]  # no edge helps
+    plates, truth = Jig("plates", tuple(large)), hidden(known, rng)
+    face = ["top", "top", "front", "front", "right", "right"]
+    q = touched(known, plates, truth, face, rng.uniform(0.42, 0.58, (6, 2)).tolist(), rng)
+    touches = touches_of(plates, face, q, SIGMA)
+
+    with pytest.raises(InputError, match=r"two poses of the workpiece explain the touches: .*, or say with --near"):
+        locate(known, plates, touches)
+
+    location = locate(known, plates, touches, near=pose(truth) + np.array([5, -5, 5, 0.03, -0.02, 0.02]))
+    assert (np.abs(error(location, truth)) < 4 * np.sqrt(np.diag(location.covariance))).all()
 
 
 def test_the_sigma_of_a_point_is_that_of_moves_drawn_from_the_covariance(found, box, rng):
