@@ -23,6 +23,7 @@ from probe.controller import TouchError
 SPARE = 5  # touches beyond the number of parameters, before the touches alone are asked
 SCOUTS = 8  # touches of a stage that looks for the jig
 LONGEST = 80.0  # [mm], approach of a search for a badly known robot
+SHARES = (1.0, 0.7, 0.4, 0.0)  # of the length that a search asks for, tried one after the other
 SIGMAS = 2.0  # of the tip's deviation that an approach stays off
 BATCH = 40  # touches of a stage at the most
 LEAST = 8  # and at the least
@@ -209,25 +210,28 @@ class _Loop:
         reach = min(SIGMAS * deviation, LONGEST)
         reach += STANDOFF if self.promised is None else 0.0
         own = self.cell.touch.approach, self.cell.touch.travel - self.cell.touch.approach
-        lengths = [(max(own[0], share * reach), max(own[1], share * reach)) for share in (1.0, 0.7, 0.4)]
-        for approach, beyond in lengths:
-            try:
-                cell = _searching(self.cell, (approach, approach + beyond))
-                found = self._chosen(cell, n, rng)
-            except InputError:
-                if (approach, beyond) == lengths[-1]:
-                    raise
-                continue
-            found = found.take(np.arange(min(len(found), self.most - self.tried)))
-            return _named(found, self.tried), (approach, approach + beyond)
-        raise AssertionError("the last length raises or returns")
+        said: InputError | None = None
+        for after in (
+            (self.after, None) if self.promised is None else (self.after,)
+        ):  # as at first, where all else fails
+            for share in SHARES:
+                approach, beyond = max(own[0], share * reach), max(own[1], share * reach)
+                try:
+                    found = self._chosen(_searching(self.cell, (approach, approach + beyond)), n, rng, after)
+                except InputError as error:
+                    said = said or error
+                    continue
+                found = found.take(np.arange(min(len(found), self.most - self.tried)))
+                return _named(found, self.tried), (approach, approach + beyond)
+        assert said is not None
+        raise said
 
-    def _chosen(self, cell: Cell, n: int, rng: np.random.Generator) -> Plan:
+    def _chosen(self, cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
         """Touches for a robot that is hardly known, or planned with care."""
-        if self.promised is None or self.after is None:
-            return plan_warily(cell, n, rng, self.after, self.trail)
-        found = self.planner(cell, n, rng, self.after)
-        return begun(found, WaryWays(Clearance(cell, self.after.theta), self.after.theta[None], 0.0), self.trail)
+        if self.promised is None or after is None:
+            return plan_warily(cell, n, rng, after, self.trail)
+        found = self.planner(cell, n, rng, after)
+        return begun(found, WaryWays(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
 
     def _made(self, job: Job) -> Stage:
         """Touch, then identify from all touches so far."""

@@ -3,7 +3,7 @@
 Exact distances from the jig's boxes cost less than a look-up in a grid of distances would need in memory and margin.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,9 +31,10 @@ class Clearance:
 
     @cached_property
     def capsules(self) -> tuple[Capsule, ...]:
-        """Arm and torch; the torch comes last."""
+        """Arm and torch; the torch comes last, and goes where the tip has been found to be: behind the wire."""
         last = len(self.cell.robot.joints)
-        return (*(c for c in self.cell.robot.capsules if c.link != last), *torch(self.cell))
+        found = self.cell if self.cell.tool is None else replace(self.cell, tool=self.theta[-6:])
+        return (*(c for c in self.cell.robot.capsules if c.link != last), *torch(found))
 
     @cached_property
     def solids(self) -> tuple[Obstacle, ...]:

@@ -14,6 +14,7 @@ from identify.model.cell import DEG
 from identify.model.description import library, read_robot
 from identify.model.jig import Box, Face, Jig
 from identify.model.robot import Capsule
+from oed.candidates import candidates
 from oed.clearance import CLEAR, Clearance
 from oed.distances import point_box, segment_box, segment_segment
 from oed.obstacles import obstacles, owners
@@ -222,3 +223,12 @@ def test_what_stands_still_may_stand_in_the_table():
 
 def replace_boxes(jig: Jig, *boxes: Box) -> Jig:
     return Jig(jig.name, jig.faces, boxes)
+
+
+def test_a_torch_that_was_found_shorter_than_drawn_can_still_touch(arc_welder):
+    theta = arc_welder.theta.copy()
+    theta[-4] -= 25.0  # more than the wire sticks out
+
+    found = candidates(arc_welder, np.random.default_rng(0), 300, theta=theta, covariance=np.zeros((len(theta),) * 2))
+
+    assert len(found) == 300
