@@ -98,7 +98,11 @@ def test_the_blocks_of_the_loop_run_in_a_copy_of_the_demo(number, demo, tmp_path
     shutil.copytree(demo[0] / "demo", tmp_path / "project")
     loop = [b.text for b in blocks() if b.heading == "The loop" and b.language == "sh"]
 
-    run(loop[number], tmp_path / "project")
+    said = run(loop[number], tmp_path / "project")
+
+    if number == 0:
+        shown = block("output: plan").text
+        assert_shown(shown, "\n".join(said.splitlines()[: len(shown.splitlines())]))
 
 
 def test_the_virtual_cell_is_touched_as_the_readme_shows(demo, tmp_path):
