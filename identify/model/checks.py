@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from identify.model.document import Document, entries, usable
 from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.files import Mistake, nearest
 from identify.model.robot import Robot
 from identify.model.schema import (
     BoxEntry,
     CapsuleEntry,
-    Document,
     FaceEntry,
     JointEntry,
     PoseEntry,
@@ -22,8 +22,6 @@ from identify.model.schema import (
     TouchEntry,
     WireEntry,
     ZoneEntry,
-    entries,
-    usable,
 )
 
 METRES = "metres? write millimetres"

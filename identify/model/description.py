@@ -8,11 +8,12 @@ from typing import Literal
 
 from identify.model.cell import Cell
 from identify.model.checks import cell_mistakes, error_mistakes, error_value_mistakes, jig_mistakes, robot_mistakes
+from identify.model.document import Document, usable, validated
 from identify.model.entries import cell_of, equipped, jig_of, robot_of
 from identify.model.files import InputError, Mistake, digest, nearest
 from identify.model.jig import Jig
 from identify.model.robot import Robot
-from identify.model.schema import CellFile, Document, JigFile, RobotFile, UrdfEntry, usable, validated
+from identify.model.schema import CellFile, JigFile, RobotFile, UrdfEntry
 
 LIBRARY = "library:"
 

@@ -31,11 +31,12 @@ from pydantic import Field
 
 from identify.model.cell import DEG, Cell
 from identify.model.checks import error_mistakes
+from identify.model.document import Document, load
 from identify.model.files import InputError, Mistake, nearest
 from identify.model.frames import rotation
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot
-from identify.model.schema import Document, Strict, load
+from identify.model.schema import Strict
 
 LIBRARY = "library:"
 NotNegative = Annotated[float, Field(ge=0)]
