@@ -62,7 +62,7 @@ def calibrate(
             name: {kept: c * unit[name] / unit[kept] for kept, c in terms.items()}
             for name, terms in problem.structure.combinations.items()
         },
-        covariance=np.linalg.inv(problem.precision(estimate.x, estimate.weight)),
+        covariance=problem.covariance(estimate.x, estimate.weight),
         scatter=scatter,
         scatter_significant=significant,
         weak=seen.weak,

@@ -142,6 +142,15 @@ class Problem:
         self.objective.reweigh(weight, "linear")
         return self.objective.at(x)[2].copy()
 
+    def covariance(
+        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
+    ) -> Float[np.ndarray, "kept kept"]:
+        """Covariance of the kept parameters, inverted in units of their own: lengths and ratios lie far apart."""
+        P = self.precision(x, weight)
+        unit = 1 / np.sqrt(np.diag(P))
+        C = np.linalg.inv(P * np.outer(unit, unit)) * np.outer(unit, unit)
+        return np.asarray((C + C.T) / 2)
+
     def solve(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"], loss: str) -> Solution:
         """Minimise from x; raises CalibrationFailed with Ipopt's own word where it does not converge."""
         self.objective.reweigh(weight, loss)

@@ -248,3 +248,19 @@ def test_the_tip_is_where_touches_of_unknown_conditions_say(errors, rng):
     tip = Kinematics(robot).tip(q, theta)[0]
 
     assert np.abs(measurement_model(robot).residual(theta, tip_rows(q)).reshape(-1, 3) - tip).max() < 1e-9  # [mm]
+
+
+def test_a_calibration_with_many_joint_errors_is_read_as_it_was_written(tmp_path, rng):
+    from measured import positions_at
+
+    from identify.model.calibration import read_calibration, write_calibration
+
+    cell = replace(cell_of("irb120"), robot=robot_with(tuple(ERROR_MODELS)))
+    q = postures(cell.robot, rng, 60)
+    found = calibrate(cell, positions_at(cell, cell.theta, q, rng, 0.02), eliminate=False, folds=0)
+
+    write_calibration(tmp_path / "calibration.json", found)
+
+    again = read_calibration(tmp_path / "calibration.json")
+    np.testing.assert_allclose(again.theta, found.theta, rtol=1e-9)
+    np.testing.assert_allclose(again.sigma, found.sigma, rtol=1e-6)

@@ -177,7 +177,7 @@ def calibration_entry(c: Calibration) -> dict[str, Any]:
             }
             for name, unit_name, nominal, value, sigma in columns
         ],
-        "covariance": (c.covariance / np.outer(scale, scale)).tolist(),
+        "covariance": ((c.covariance + c.covariance.T) / 2 / np.outer(scale, scale)).tolist(),  # rounding is not
         "scatter": c.scatter,
         "scatter_significant": c.scatter_significant,
         "fit": asdict(c.fit),
