@@ -1,0 +1,112 @@
+"""Ways between touches: clear by as much as the robot is uncertain, over lifted postures where they must."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from oed.candidates import candidates
+from oed.clearance import Clearance
+from oed.judgement import WIRE
+from oed.offer import plan_of
+from oed.roadmap import Roadmap, lifts, shortest_ways, with_via
+from oed.sequence import RAMP, travel
+from oed.torch import STICKOUT
+from oed.ways import SHARE, Ways
+
+
+@pytest.fixture(scope="module")
+def touches(arc_welder):
+    found = candidates(arc_welder, np.random.default_rng(2), 400)
+    return found.take(np.random.default_rng(3).choice(len(found), 16, replace=False))
+
+
+def gap(cell, q, length=0.0):
+    """Distance of the tip, or of some length of wire from it on [mm], from the nearest box of the jig [mm]."""
+    tip, R = cell.kinematics.tip(q, cell.theta)
+    p = tip[:, None] - np.linspace(0, length, 41)[:, None] * R[:, None, :, 2]
+    boxes = [(np.array(b.lower), np.array(b.upper)) for b in cell.jig.boxes]
+    away = [np.linalg.norm(np.maximum(np.maximum(lo - p, p - hi), 0), axis=2) for lo, hi in boxes]
+    return np.min(away, axis=(0, 2))
+
+
+def test_the_shortest_ways_are_those_of_dijkstra(rng):
+    from scipy.sparse.csgraph import shortest_path
+
+    T = rng.uniform(1, 10, (12, 12))
+    T = np.where(rng.random((12, 12)) < 0.4, np.inf, T)
+    T = np.minimum(T, T.T)
+
+    found, then = shortest_ways(T.copy(), 0, 12)
+
+    np.fill_diagonal(T, 0.0)
+    np.testing.assert_allclose(found, shortest_path(np.where(np.isinf(T), 0, T), directed=False))
+    for a, b in np.argwhere(np.isfinite(found)):
+        way = [a]
+        while way[-1] != b:
+            way.append(then[way[-1], b])
+        assert sum(T[i, j] for i, j in pairwise(way)) == pytest.approx(found[a, b])
+
+
+@pytest.mark.parametrize("keep", [0.0, 15.0, 60.0])
+def test_ways_keep_as_clear_of_the_jig_as_asked_or_nearly_what_their_ends_have(arc_welder, touches, keep):
+    ways = Ways(Clearance(arc_welder, arc_welder.theta), keep=keep)
+    a, b = np.triu_indices(len(touches), 1)
+    start, end = touches.approach[a], touches.approach[b]
+
+    clear = ways.clear(start, end)
+
+    assert 0 < clear.sum() < len(clear)
+    ends = np.minimum(gap(arc_welder, start, STICKOUT), gap(arc_welder, end, STICKOUT))
+    wanted = np.maximum(np.minimum(SHARE * ends, keep), WIRE)
+    for share in np.linspace(0.0, 1.0, 21):
+        at = gap(arc_welder, start + share * (end - start))
+        assert (at[clear] > wanted[clear] - 1.0).all()  # [mm]; the tip goes on a curve between two looks
+    wider = Ways(Clearance(arc_welder, arc_welder.theta), keep=keep + 30.0).clear(start, end)
+    assert not (wider & ~clear).any()
+
+
+def test_lifted_postures_stand_above_their_approaches_with_the_wire_as_it_was(arc_welder, touches):
+    ways = Ways(Clearance(arc_welder, arc_welder.theta), keep=50.0)
+
+    found = lifts(ways, arc_welder, touches.approach, touches.normal)
+
+    there = ~np.isnan(found).any(axis=1)
+    tip, R = arc_welder.kinematics.tip(touches.approach[there], arc_welder.theta)
+    above, as_it_was = arc_welder.kinematics.tip(found[there], arc_welder.theta)
+    assert there.sum() > len(touches) / 2
+    assert (np.linalg.norm(above - tip, axis=1) > 49.0).all()
+    np.testing.assert_allclose(as_it_was, R, atol=0.02)
+    assert (gap(arc_welder, found[there]) > gap(arc_welder, touches.approach[there]) - 1e-3).all()
+
+
+def test_a_robot_may_go_over_lifted_postures_where_no_straight_way_is_clear(arc_welder, touches, rng):
+    ways = Ways(Clearance(arc_welder, arc_welder.theta), keep=20.0)
+    up = lifts(ways, arc_welder, touches.approach, touches.normal)
+    up, none = up[~np.isnan(up).any(axis=1)], np.empty((0, 6))
+    straight, lifted = (Roadmap(ways, arc_welder, over, none) for over in (none, up))
+
+    alone, _ = straight.order(plan_of(touches), rng)
+    found, _ = lifted.order(plan_of(touches), rng)
+
+    assert len(found.blocked) < len(alone.blocked) or found.minutes <= alone.minutes
+    assert np.isfinite(found.via).any()
+    plan = with_via(plan_of(touches).take(found.index), found.via)
+    for i in range(1, len(plan)):
+        if i - 1 not in found.blocked:
+            way = np.vstack([plan.approach[i - 1], plan.way(i)])
+            assert ways.clear(way[:-1], way[1:]).all()
+
+
+def test_the_first_touch_is_led_to_from_where_the_robot_stands(arc_welder, touches, rng):
+    ways = Ways(Clearance(arc_welder, arc_welder.theta))
+    up = lifts(ways, arc_welder, touches.approach, touches.normal)
+    home = np.zeros((1, 6))
+
+    found, _ = Roadmap(ways, arc_welder, up[~np.isnan(up).any(axis=1)], home).order(plan_of(touches), rng)
+
+    plan = with_via(plan_of(touches).take(found.index), found.via)
+    way = np.vstack([home, plan.way(0)])
+    assert ways.clear(way[:-1], way[1:]).all()
+    legs = [travel(arc_welder, np.vstack(pair))[0, 1] + RAMP for pair in pairwise(way)]
+    assert sum(legs) < 10.0  # [s]
