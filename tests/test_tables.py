@@ -423,6 +423,26 @@ def test_a_mistake_in_a_plan_has_its_line(write, arc_welder):
     ]
 
 
+def test_postures_on_the_way_are_written_and_read_where_there_are_any(write, arc_welder):
+    q = np.radians([[10.0, 20, 30, 40, 50, 60]] * 2)
+    via = np.full((2, 2, 6), np.nan)
+    via[1] = [q[0] + 0.1, q[0] + 0.2]
+    point, normal = np.array([[60.0, 160, 100]] * 2), np.array([[0.0, 0, 1]] * 2)
+    plan = Plan(("t1", "t2"), ("top-low",) * 2, point, normal, q, q, via)
+
+    written = plan_text(plan, arc_welder.robot)
+    again = read_plan(write(written), arc_welder)
+
+    np.testing.assert_allclose(again.via, via, atol=1e-10)
+    np.testing.assert_allclose(again.way(0), q[:1])
+    np.testing.assert_allclose(again.way(1), np.vstack([via[1], q[:1]]))
+    assert "via" not in plan_text(Plan(plan.ids, plan.face, point, normal, q, q), arc_welder.robot)
+    torn = "\n".join(line.rpartition(",")[0] + "," if line.startswith("t2") else line for line in written.splitlines())
+    assert mistakes(write(torn + "\n"), arc_welder, read_plan) == [
+        "3: via2_q1_deg to via2_q6_deg: some are empty; write all of them, or none"
+    ]
+
+
 def test_rows_are_taken_in_the_order_that_is_asked_for(write, arc_welder):
     touches = read_touches(write(TOUCHES), arc_welder)
 
