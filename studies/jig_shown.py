@@ -49,7 +49,7 @@ def _of_places(table: Table) -> str:
 def _of_second(table: Table) -> str:
     second = where(table, part="second")
     names, promised = second["name"], column(second, "promised_mm")
-    alone = np.median(promised[[n == "first place alone" for n in names]])
+    alone = np.nanmedian(promised[[n == "first place alone" for n in names]])
     listed = ", ".join(
         f"{n.removeprefix('and ')} {v:.4f}" for n, v in zip(names, promised, strict=True) if n[:3] == "and"
     )
@@ -100,7 +100,7 @@ def _second_drawn(table: Table) -> str:
     wide, high = named("", names), axis(title, value, zero=True)
     chart = Chart("What a second placement of the jig buys", wide, high, width=620, slanted=True)
     for kind, shade in kinds.items():
-        which = [i for i, n in enumerate(second["name"]) if n.endswith(kind)]
+        which = [i for i, n in enumerate(second["name"]) if n.endswith(kind) and np.isfinite(value[i])]
         hints = [f"{second['name'][i]}: {value[i]:.4f} mm" for i in which]
         chart.dots(np.array([at[i] for i in which], dtype=float), value[which], shade, hints, 4)
     chart.legend([(shade, kind) for kind, shade in kinds.items()])
