@@ -14,6 +14,7 @@ from ruamel.yaml import YAML
 
 from identify.model.description import read_cell
 from identify.model.schema import ControllerEntry
+from oed.criteria import CRITERIA
 from probe.controller import CODES
 from probe.controllers import PROTOCOLS
 
@@ -103,6 +104,24 @@ def test_the_blocks_of_the_loop_run_in_a_copy_of_the_demo(number, demo, tmp_path
     if number == 0:
         shown = block("output: plan").text
         assert_shown(shown, "\n".join(said.splitlines()[: len(shown.splitlines())]))
+
+
+def test_the_check_says_what_the_readme_shows(demo):
+    assert_shown(block("output: check").text, run("touchcal check", demo[0] / "demo"))
+
+
+def test_the_table_of_indices_is_the_one_that_is_planned_by():
+    rows = [line.split("|") for line in README.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    shown = {row[1].strip(): row[3].strip() for row in rows if row[1].strip() in CRITERIA}
+
+    assert shown == {name: criterion.source for name, criterion in CRITERIA.items()}
+
+
+def test_the_pictures_of_the_readme_are_there():
+    names = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README.read_text(encoding="utf-8"))
+
+    assert names
+    assert all((README.parent / name).is_file() for name in names)
 
 
 def test_the_virtual_cell_is_touched_as_the_readme_shows(demo, tmp_path):
