@@ -50,10 +50,12 @@ def _of_second(table: Table) -> str:
     second = where(table, part="second")
     names, promised = second["name"], column(second, "promised_mm")
     alone = np.nanmedian(promised[[n == "first place alone" for n in names]])
-    listed = ", ".join(
-        f"{n.removeprefix('and ')} {v:.4f}" for n, v in zip(names, promised, strict=True) if n[:3] == "and"
-    )
-    return f"One place promises {alone:.4f} mm, a second one besides: {listed}."
+    more = [
+        f"{n.removeprefix('and ')} {'not decided' if np.isnan(v) else format(v, '.4f')}"
+        for n, v in zip(names, promised, strict=True)
+        if n.startswith("and ")
+    ]
+    return f"One place promises {alone:.4f} mm, a second one besides: {', '.join(more)}."
 
 
 def pictures(table: Table) -> dict[str, str]:
