@@ -109,6 +109,17 @@ class Offer:
         rows = told.rows(touches.q, touches.normal, touch_sigma(told.cell, names), approach=touches.approach)
         return promise(self._told_tip, told.error(rows, names, times))
 
+    def off(self, touches: Candidates) -> Float[np.ndarray, " touches"]:
+        """How far each contact may be from where the touches before it predict it [mm, 1 sigma]."""
+        told = self.told or self.known
+        sigma = touch_sigma(told.cell, touches.names())
+        C, out = np.linalg.inv(told.precision), np.empty(len(touches))
+        for i, f in enumerate(told.rows(touches.q, touches.normal, sigma)):
+            x = C @ f
+            out[i] = np.sqrt(f @ x + 1)
+            C = C - np.outer(x, x) / (1 + f @ x)
+        return out * sigma
+
     @cached_property
     def _told_tip(self) -> Float[np.ndarray, "poses 3 kept"]:
         return self.tip if self.told is None else self.told.tip_rows(self.zone)

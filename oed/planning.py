@@ -16,7 +16,7 @@ from oed.criteria import CRITERIA, score
 from oed.information import touch_sigma
 from oed.offer import offer, plan_of
 from oed.roadmap import with_via
-from oed.sequence import Order
+from oed.sequence import Order, minutes
 from oed.strategies import STRATEGIES, Choice, Setting
 from oed.unseen import limiting, unseen
 from oed.zone import Promise
@@ -149,7 +149,8 @@ def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
         plan=made, strategy=setting.strategy, criterion=setting.criterion,
         indices={name: float(score(name, rows.T @ rows, len(rows), tip)) for name in CRITERIA},
         efficiency=choice.efficiency, efficiency_covers="candidates", manifold=choice.manifold,
-        promise=offered.promise(touches), curve=curve(offered, touches, least), minutes=choice.order.minutes,
+        promise=offered.promise(touches), curve=curve(offered, touches, least),
+        minutes=minutes(known.cell, made, offered.off(touches)),
         unseen=unseen(known, pool, rows, offered.zone),
         notes=(*offered.found.notes, *_blocked(made, choice.order), limiting(chosen_by, left, offered.zone)),
     )  # fmt: skip

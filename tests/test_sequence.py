@@ -123,7 +123,20 @@ def test_the_minutes_count_travel_search_retract_and_the_wait(arc_welder):
     found = minutes(arc_welder, plan)
 
     travelling, there_and_back, waiting = 1.0 + 0.2, 2 * (1.5 + 0.2), 0.5
-    assert 60 * found == pytest.approx(travelling + 2 * (there_and_back + waiting))
+    assert 60 * found == pytest.approx(travelling + 2 * (there_and_back + waiting), abs=1e-3)  # [s]
+
+
+def test_a_search_begins_near_to_where_a_contact_is_sure_to_be(arc_welder):
+    """On an axis that moves the tip by 25 mm, searched at 5 mm/s: of these only 5 x 0.4 + 3 mm."""
+    approach = np.zeros((1, 6))
+    _, J = arc_welder.kinematics.tip_jacobian(approach, arc_welder.theta)
+    turn = np.linalg.norm(J[0][:, arc_welder.robot.parameters.index("j1.theta")])
+    contact = approach + [25.0 / turn, 0, 0, 0, 0, 0]
+    plan = replace(plan_of(approach), q=contact)
+
+    saved = 60 * (minutes(arc_welder, plan) - minutes(arc_welder, plan, np.array([0.4])))
+
+    assert saved == pytest.approx(20 / 5 - 20 / 100, abs=0.2)  # [s]; and the ramps of one motion more
 
 
 def test_postures_on_the_way_take_their_time(arc_welder):
