@@ -131,7 +131,7 @@ def test_a_search_begins_near_to_where_a_contact_is_sure_to_be(arc_welder):
     approach = np.zeros((1, 6))
     _, J = arc_welder.kinematics.tip_jacobian(approach, arc_welder.theta)
     turn = np.linalg.norm(J[0][:, arc_welder.robot.parameters.index("j1.theta")])
-    contact = approach + [25.0 / turn, 0, 0, 0, 0, 0]
+    contact = approach + np.array([25.0 / turn, 0, 0, 0, 0, 0])
     plan = replace(plan_of(approach), q=contact)
 
     saved = 60 * (minutes(arc_welder, plan) - minutes(arc_welder, plan, np.array([0.4])))
