@@ -1,9 +1,11 @@
 """The command line as a user meets it: what it says, what it writes, what it answers to bad input."""
 
+import inspect
 import json
 import re
 import subprocess
 import sys
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -224,6 +226,16 @@ def test_an_old_calibration_survives_a_failed_run(folder, touchcal):
     touchcal("identify", "touches.csv")
 
     assert (folder / "calibration.json").read_text() == before
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_option_of_a_command_is_explained(command):
+    function = getattr(import_module(f"oed.cli.{command}"), command)
+    explained = inspect.getdoc(function).partition("Parameters\n")[2]
+
+    for name, parameter in inspect.signature(function).parameters.items():
+        shared = "help=" in str(parameter.annotation)  # options of several commands bring their sentence
+        assert shared or re.search(rf"^{name}\n    \S", explained, re.MULTILINE), name
 
 
 @pytest.mark.parametrize("command", COMMANDS)

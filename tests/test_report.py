@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measured import poses_over_jig, positions_at, table_2, touches_at
+from virtual_support import make_plan
 
 from identify.calibration import calibrate
 from identify.model.calibration import Finding, Term
 from identify.model.cell import Cell
 from identify.model.jig import Jig
+from identify.report.plan import plan_page
 from identify.report.report import report
 from identify.report.svg import axis, colour
 from identify.report.zone import zone_map
@@ -197,3 +199,28 @@ def test_joint_errors_that_the_touches_chose_and_faults_stand_in_the_page(calibr
     assert "0.250" in page  # what compliance leaves, and what it buys
     assert "<b>drift</b>: the tip moves by &lt;1&gt; mm" in page
     assert "geometry alone" not in report(calibration, [measured])
+
+
+@pytest.fixture(scope="module")
+def plan_html(arc_welder):
+    """The page of a plan of a cell with a hostile name."""
+    cell = replace(arc_welder, robot=replace(arc_welder.robot, name=HOSTILE))
+    told = {
+        "promise": {"rms_mm": 0.05, "p95_mm": 0.1}, "minutes": 3.0, "curve": [{"touches": 20, "p95_mm": 0.1}],
+        "unseen": [HOSTILE], "notes": [],
+    }  # fmt: skip
+    return plan_page(cell, make_plan(cell, 12, seed=5), told)
+
+
+def test_the_page_of_a_plan_steps_through_its_touches_and_a_hostile_name_is_harmless(browser, plan_html, tmp_path):
+    from selenium.webdriver.common.by import By
+
+    errors = opened(browser, plan_html, tmp_path, 1400)
+    first = browser.find_element(By.ID, "said").text
+    browser.find_element(By.ID, "next").click()
+
+    assert [e for e in errors if "WebGL" not in e["message"] and "GPU" not in e["message"]] == []
+    assert browser.find_element(By.ID, "said").text != first
+    assert canvas_colours(browser) > 20
+    assert browser.title != "owned"
+    assert HOSTILE in browser.execute_script("return document.body.innerText")
