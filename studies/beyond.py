@@ -22,8 +22,9 @@ from identify.model.errors import ERROR_MODELS
 from identify.model.identifiability import structure
 from identify.model.measurement import Rows, measurement_model
 from identify.regions import regions
+from identify.report.svg import AFTER, BEFORE, Chart, axis, named, picture
 from identify.selection import Linear, choose, with_errors
-from studies.engine import Table
+from studies.engine import Table, column, distinct, where
 
 TOUCHES, SIGMA, TRIALS = 300, 0.05, 100
 CASES = {"nothing": (), **{name: (name,) for name in ERROR_MODELS}, "all": tuple(ERROR_MODELS)}
@@ -100,5 +101,16 @@ def answer(table: Table) -> str:
 
 
 def pictures(table: Table) -> dict[str, str]:
-    """None: eight shares are sooner read than seen."""
-    return {}
+    """Shares of trials with the right choice, and of values inside their intervals, by what the robot has."""
+    cases = distinct(table, "case")
+    chart = Chart(
+        "Choice of joint errors: what is chosen is what the robot has, and its values are inside their intervals",
+        named("what the simulated robot has", cases), axis("share of trials or values, %", [0.0, 100.0]),
+        width=680, slanted=True,
+    )  # fmt: skip
+    for shift, key, shade in ((-0.12, "right", AFTER), (0.12, "inside", BEFORE)):
+        shares = np.array([100 * np.nanmean(column(where(table, case=case), key)) for case in cases])
+        chart.dots(np.arange(len(cases)) + shift, shares, shade, [f"{s:.0f} %" for s in shares], 5)
+    chart.level(95.0, "95 %")
+    chart.legend([(AFTER, "trials with the right choice"), (BEFORE, "values inside their 95 % intervals")])
+    return {"beyond": picture(chart)}
