@@ -84,8 +84,17 @@ def plan_warily(
         plan = plan_of(offered.found.take(order.index))
         started = begun(plan, offered.ways, trail)
         if not order.blocked and (trail is None or started is not plan):
-            break
-    return started
+            return started
+    return in_reach(started, offered.ways)
+
+
+def in_reach(plan: Plan, ways: Ways) -> Plan:
+    """The touches of a plan that clear ways lead to, each from the one before: the others are given up."""
+    kept = [0]
+    for k in range(1, len(plan)):
+        if ways.clear(plan.approach[kept[-1:]], plan.approach[[k]])[0]:
+            kept.append(k)
+    return plan.take(np.array(kept))
 
 
 def begun(plan: Plan, ways: Ways, trail: Plan | None) -> Plan:

@@ -10,6 +10,7 @@ from identify.model.files import InputError, Mistake
 from identify.model.touch import Plan
 from probe.paths import Geometry, Target
 from probe.settings import Settings
+from probe.ways import Ways
 
 CLEARANCE = 5.0  # [mm], the least distance of an approach point from its face
 ELSEWHERE = 100.0  # [mm], more than any tolerance of robot and set-up together: another robot, or another cell
@@ -43,7 +44,7 @@ def validate(plan: Plan, cell: Cell, settings: Settings, joints: int | None = No
         for i, target in enumerate(targets)
         for text in _touch(plan, i, target, geometry)
     ]
-    mistakes += [Mistake("plan", 0, text) for text in _moves(targets, geometry)]
+    mistakes += [Mistake("plan", 0, text) for text in _moves(plan, targets, geometry)]
     if mistakes:
         raise InputError(mistakes)
     return targets
@@ -108,9 +109,10 @@ def _touch(plan: Plan, i: int, target: Target, geometry: Geometry) -> Iterator[s
         )
 
 
-def _moves(targets: list[Target], geometry: Geometry) -> Iterator[str]:
-    """The tip must not go through the jig between two approach points."""
+def _moves(plan: Plan, targets: list[Target], geometry: Geometry) -> Iterator[str]:
+    """The tip must not go through the jig between two approach points, neither as planned nor round about."""
+    ways = Ways(geometry, [q for i in range(len(plan)) for q in plan.way(i)])
     for a, b in pairwise(targets):
         way = np.vstack([a.approach, b.via, b.approach])
-        if geometry.blocked(way[:-1], way[1:]).any():
-            yield f"the way from touch '{a.id}' to '{b.id}' leads the tip through the jig; plan the order again"
+        if geometry.blocked(way[:-1], way[1:]).any() and not ways.route(a.approach, b.approach, list(b.via)):
+            yield f"every way from touch '{a.id}' to '{b.id}' leads the tip through the jig; plan the order again"

@@ -46,7 +46,8 @@ def test_a_demo_that_was_killed_goes_on_and_loses_and_doubles_no_touch(made):
     assert all((folder / name).read_bytes() == content for name, content in before.items())
     assert (folder / "touches-2.csv").read_text().splitlines()[: len(rows) - 1] == rows[:-1]
     tried = [row["id"] for path in folder.glob("touches-*.csv") for row in DictReader(path.read_text().splitlines())]
-    assert sorted(tried, key=int) == [str(i + 1) for i in range(FEW)]
+    assert sorted(tried, key=int) == [str(i + 1) for i in range(len(tried))]
+    assert len(tried) == json.loads(done.stdout)["touches"]
 
 
 def test_what_it_says_is_what_its_files_and_the_hidden_truth_say(made):
@@ -58,7 +59,7 @@ def test_what_it_says_is_what_its_files_and_the_hidden_truth_say(made):
     q = zone_poses(cell, None, 400, rng=np.random.default_rng(77))
     error = np.linalg.norm(cell.kinematics.tip(q, found.theta)[0] - cell.kinematics.tip(q, truth.theta)[0], axis=1)
 
-    assert told["touches"] == FEW
+    assert FEW - 9 <= told["touches"] <= FEW  # those that no clear way leads to are given up
     assert np.sqrt(np.mean(error**2)) == pytest.approx(told["zone_rms_mm"], rel=0.3)  # other poses
     assert told["passed"] == (told["zone_rms_mm"] <= 0.05)
     assert done.returncode == (0 if told["passed"] else 1)

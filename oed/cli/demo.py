@@ -51,7 +51,7 @@ SUMMARY = ("touches", "hits", "minutes", "initial_rms_mm", "zone_rms_mm", "promi
 def demo(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("demo"),
-    touches: Annotated[int, Parameter(name=["-n", "--touches"])] = 120,
+    touches: Annotated[int, Parameter(name=["-n", "--touches"])] = 160,
     seed: Seed = 0,
     json: Json = False,
 ) -> int:
