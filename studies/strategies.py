@@ -10,8 +10,8 @@ Answer: plan by V, the mean tip variance in the zone: it is the default. 33 touc
 the zone (median over the robots), less than 100 even ones (0.113) or 100 random ones (0.111); 50 leave 0.084 and 100
 leave 0.063. Sequential planning gains 7 % more from 50 touches on (0.078, 0.059) and loses nothing at 33. Then come G
 (0.116, 0.087, 0.066), D and O1 (0.123 both, 0.087 and 0.091, 0.067 and 0.070), and O5, O4, O2, E, O3 and A, which
-need a tenth more touches or a quarter at 33. Planning for several robots at once gains nothing here (0.114, 0.097, 0.067): a
-robot as built is what every plan is made for. Even and random touches leave 1.8 to 5.7 times as much as V.
+need a tenth more touches or a quarter at 33. Planning for several robots at once gains nothing here (0.114, 0.097,
+0.067): a robot as built is what every plan is made for. Even and random touches leave 1.8 to 5.7 times as much as V.
 """
 
 from typing import Any
