@@ -137,7 +137,10 @@ def test_touches_go_through_a_port_that_another_process_serves(project, touchcal
 @pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
 def test_ctrl_c_stops_the_robot_and_leaves_a_session_to_resume(project, touchcal):
     with subprocess.Popen(
-        [*COMMAND, "run", "plan.csv", "--time-scale", "1", "--override", "0.2"], stderr=subprocess.PIPE, text=True, cwd=project
+        [*COMMAND, "run", "plan.csv", "--time-scale", "1", "--override", "0.2"],
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=project,
     ) as running:
         for line in running.stderr:
             if line.startswith("[1/3]"):
