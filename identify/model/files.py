@@ -123,6 +123,17 @@ class Sheet:
         """A column of text, stripped."""
         return [cell.strip() for cell in self.columns[name]] if name in self.columns else [default] * len(self.lines)
 
+    def ids(self) -> list[str]:
+        """The names of the rows; one that is empty or stands twice is a mistake."""
+        ids, first = self.text("id"), dict[str, int]()
+        for row, name in enumerate(ids if "id" in self.columns else []):
+            if not name:
+                self.wrong(row, "id is empty; give every row a name of its own")
+            elif name in first:
+                self.wrong(row, f"id '{name}' stands already in line {first[name]}; give every row a name of its own")
+            first.setdefault(name, self.lines[row])
+        return ids
+
     def numbers(self, name: str, default: float | None = None) -> np.ndarray:
         """A column of finite numbers; empty cells take the default, or are mistakes where there is none."""
         if name not in self.columns:  # a mistake already where the column is required

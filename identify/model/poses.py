@@ -25,23 +25,12 @@ class Poses(Table):
 def read_poses(path: Path, *, trust_units: bool = False) -> Poses:
     """Read poses.csv; raises InputError with every mistake."""
     sheet = read_sheet(path, ["id", *POSE_KEYS], [])
-    ids = _ids(sheet)
+    ids = sheet.ids()
     values = np.column_stack([sheet.numbers(name) for name in POSE_KEYS])
     if not trust_units:
         _units(sheet, values)
     sheet.stop()
     return Poses(tuple(ids), values * POSE_UNIT)
-
-
-def _ids(sheet: Sheet) -> list[str]:
-    ids, first = sheet.text("id"), dict[str, int]()
-    for row, name in enumerate(ids if "id" in sheet.columns else []):
-        if not name:
-            sheet.wrong(row, "id is empty; give every row a name of its own")
-        elif name in first:
-            sheet.wrong(row, f"id '{name}' stands already in line {first[name]}; give every row a name of its own")
-        first.setdefault(name, sheet.lines[row])
-    return ids
 
 
 def _units(sheet: Sheet, values: Float[np.ndarray, "poses 6"]) -> None:

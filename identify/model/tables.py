@@ -37,7 +37,7 @@ def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touche
     Raises InputError with every mistake: unknown faces, numbers that are none, duplicate ids, radians, metres.
     """
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], touch_columns(cell.robot))
-    ids, status = _ids(sheet), sheet.text("status", HIT)
+    ids, status = sheet.ids(), sheet.text("status", HIT)
     hit = np.array([s == HIT for s in status], dtype=bool)
     for row, value in enumerate(status):
         if value not in STATUSES:
@@ -60,7 +60,7 @@ def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touche
 def read_positions(path: Path, cell: Cell, *, trust_units: bool = False) -> Positions:
     """Read positions.csv: tip positions measured in the jig frame; raises InputError with every mistake."""
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot), *POINT], ["sigma_mm"])
-    ids, q = _ids(sheet), _joints(sheet, cell.robot, trust_units)
+    ids, q = sheet.ids(), _joints(sheet, cell.robot, trust_units)
     point = _block(sheet, POINT)
     sigma = _sigma(sheet, cell.touch.sigma)
     spread = np.ptp(point, axis=0).max() if len(ids) > 1 else np.inf
@@ -91,7 +91,7 @@ def read_plan(path: Path, cell: Cell) -> Plan:
             sheet.wrong(row, cell.unknown_face(name))
     unit = robot.joint_unit()
     plan = Plan(
-        ids=tuple(_ids(sheet)), face=tuple(face), point=_block(sheet, POINT), normal=_block(sheet, PLANE[:3]),
+        ids=tuple(sheet.ids()), face=tuple(face), point=_block(sheet, POINT), normal=_block(sheet, PLANE[:3]),
         q=_block(sheet, joint_columns(robot)) * unit, approach=_block(sheet, joint_columns(robot, APPROACH)) * unit,
         via=_vias(sheet, vias) * unit,
     )  # fmt: skip
@@ -168,17 +168,6 @@ def _block(sheet: Sheet, names: Sequence[str]) -> Float[np.ndarray, "rows column
 
 def _optional(sheet: Sheet, name: str) -> np.ndarray:
     return sheet.numbers(name, float("nan")) if name in sheet.columns else np.full(len(sheet.lines), np.nan)
-
-
-def _ids(sheet: Sheet) -> list[str]:
-    ids, first = sheet.text("id"), dict[str, int]()
-    for row, name in enumerate(ids if "id" in sheet.columns else []):
-        if not name:
-            sheet.wrong(row, "id is empty; give every row a name of its own")
-        elif name in first:
-            sheet.wrong(row, f"id '{name}' stands already in line {first[name]}; give every row a name of its own")
-        first.setdefault(name, sheet.lines[row])
-    return ids
 
 
 def _joints(sheet: Sheet, robot: Robot, trust_units: bool) -> Float[np.ndarray, "rows joints"]:
