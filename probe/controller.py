@@ -66,6 +66,10 @@ class TouchError(Exception):
     """The touches cannot go on; one sentence says why and what to do."""
 
 
+class InTheWay(TouchError):
+    """Every way to the next touch leads through the jig, by what the touches so far tell of the robot."""
+
+
 class NotReady(TouchError):
     """The machine is not as it must be before the first motion: nothing has moved, and the operator puts it right."""
 

@@ -7,7 +7,18 @@ from jaxtyping import Float
 
 from probe.acceptance import objection
 from probe.clock import Clock
-from probe.controller import CODES, Contact, Controller, NoContact, NotReady, Rebooted, Refused, State, TouchError
+from probe.controller import (
+    CODES,
+    Contact,
+    Controller,
+    InTheWay,
+    NoContact,
+    NotReady,
+    Rebooted,
+    Refused,
+    State,
+    TouchError,
+)
 from probe.events import Listener, Recovered, Waiting
 from probe.paths import Geometry, Target
 from probe.records import Intent, Reading
@@ -192,7 +203,7 @@ class Motion:
         if self._apart(self.here, target.approach):
             route = self.ways.route(self.here, target.approach, list(target.via))
             if not route:
-                raise TouchError(
+                raise InTheWay(
                     f"every way to touch '{name}' leads through the jig from where the robot stands; "
                     "jog it above the jig, then go on with --resume --trust-position"
                 )

@@ -23,7 +23,7 @@ from oed.cli import sim
 from oed.cli.plan import write_summary
 from probe import Session, Settings, open_controller, run
 from probe.clock import Clock
-from probe.controller import TouchError
+from probe.controller import InTheWay
 from probe.events import Listener, ignore
 
 
@@ -100,12 +100,9 @@ def _run(job: Job, controller: Any, session: Session, settings: Settings, tell: 
     """Make the touches; a search for the jig ends where it gets into the robot's way, and the next is planned anew."""
     try:
         run(job.plan, controller, session, settings, tell=tell, clock=clock)
-    except TouchError as error:
-        if not (job.searching and session.hits() and IN_THE_WAY in str(error)):
+    except InTheWay:
+        if not (job.searching and session.hits()):
             raise
-
-
-IN_THE_WAY = "leads through the jig"
 
 
 def over_port(
