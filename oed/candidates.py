@@ -62,8 +62,7 @@ class Candidates:
         tolerance = np.array([face.tolerance for face in self.faces])[self.face]
         offset = np.array([face.offset for face in self.faces])[self.face]
         return Rows(
-            self.q, self.normal, offset + (wire.radius if wire.shape == "ball" else 0.0),
-            np.full(m, wire.radius if wire.shape == "flat" else 0.0), np.hypot(cell.touch.sigma, tolerance),
+            self.q, self.normal, offset + wire.ball, np.full(m, wire.flat), np.hypot(cell.touch.sigma, tolerance),
             tuple(str(i) for i in range(m)), np.arange(m),
         )  # fmt: skip
 

@@ -66,8 +66,8 @@ class Knowledge:
 
         Joint errors may depend on the side from which a joint comes, so on the `approach`.
         """
-        m, wire = len(q), self.cell.wire
-        radius = np.full(m, wire.radius if wire.shape == "flat" else 0.0)
+        m = len(q)
+        radius = np.full(m, self.cell.wire.flat)
         made = touch_conditions(q, approach) if self.model.conditional else None
         touches = Rows(q, normal, np.zeros(m), radius, sigma, (), np.arange(m), made)
         J = self.model.linearize(self.typical if theta is None else theta, touches)[1]
@@ -124,8 +124,7 @@ def nominal_knowledge(cell: Cell) -> Knowledge:
     found = structure(cell)
     names = tuple(cell.robot.parameters[i] for i in found.kept)
     known = (cell.scale / cell.prior)[list(found.kept)]
-    deviation = np.where([name in cell.fixed for name in found.names], 0.0, cell.prior)
-    return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found), np.diag(deviation**2))
+    return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found), np.diag(cell.spread**2))
 
 
 def built_knowledge(cell: Cell) -> Knowledge:

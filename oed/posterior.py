@@ -141,8 +141,8 @@ class _Search:
     def _linearize(
         self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]
     ) -> tuple[Float[np.ndarray, " touches"], Float[np.ndarray, "touches parameters"]]:
-        ball = self.cell.wire.radius if self.cell.wire.shape == "ball" else 0.0
-        found = replace(self.rows, normal=self.normal[face], offset=self.offset[face] + ball)
+        offset = self.offset[face] + self.cell.wire.ball
+        found = replace(self.rows, normal=self.normal[face], offset=offset)
         return self.model.linearize(theta, found)
 
     def _misfit(self, theta: Float[np.ndarray, " parameters"], blur: float) -> Float[np.ndarray, "touches faces"]:
@@ -157,8 +157,7 @@ class _Search:
 
 def free(cell: Cell) -> Bool[np.ndarray, " parameters"]:
     """Parameters that may differ from the cell file, by known tolerances."""
-    fixed = np.array([name in cell.fixed for name in cell.robot.parameters])
-    return np.asarray(~fixed & np.isfinite(cell.prior) & (cell.prior > 0))
+    return np.asarray(cell.spread > 0)
 
 
 def provisional(cell: Cell, belief: Belief) -> Calibration:

@@ -121,10 +121,8 @@ class Refinement:
     ) -> Float[np.ndarray, " trials"]:
         """How far the middle of the wire's end stays off its face [mm]."""
         wire = self.known.cell.wire
-        if wire.shape == "flat":
-            lean = (R[:, :, 2] * self._normal[face]).sum(axis=1)
-            return wire.radius * np.sqrt(np.maximum(1 - lean**2, 0.0))
-        return np.full(len(R), wire.radius if wire.shape == "ball" else 0.0)
+        lean = (R[:, :, 2] * self._normal[face]).sum(axis=1)
+        return np.asarray(wire.ball + wire.flat * np.sqrt(np.maximum(1 - lean**2, 0.0)))
 
     def _inset(self, trials: Candidates) -> Bool[np.ndarray, " trials"]:
         """Whether contact points keep the inset from the edges of their faces."""

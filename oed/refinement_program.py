@@ -111,9 +111,9 @@ class Program:
     def _height(self, height: ca.SX, lean: ca.SX) -> ca.SX:
         """Distance of the end of the wire from the face, as in the model of a touch."""
         wire = self.known.cell.wire
-        if wire.shape == "flat":
-            return height - wire.radius * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))
-        return height - (wire.radius if wire.shape == "ball" else 0.0)
+        if wire.flat:
+            return height - wire.flat * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))
+        return height - wire.ball
 
     def _held(self, tip: ca.SX, R: ca.SX, high: ca.SX, turned: ca.SX, way: ca.SX) -> list[ca.SX]:
         """What is zero where the approach holds the same wire off the face: as much as the robot's joints can keep."""

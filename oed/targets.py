@@ -49,10 +49,7 @@ class Targets:
 
 def extent(cell: Cell, tilt: Float[np.ndarray, " touches"]) -> Float[np.ndarray, " touches"]:
     """How far the middle of the wire's end stays off a face at contact [mm]."""
-    wire = cell.wire
-    if wire.shape == "flat":
-        return wire.radius * np.sin(tilt)
-    return np.full(len(tilt), wire.radius if wire.shape == "ball" else 0.0)
+    return cell.wire.ball + cell.wire.flat * np.sin(tilt)
 
 
 def targets(

@@ -80,14 +80,13 @@ class Predictor:
     def _stack(self, touches: list[tuple[Float[np.ndarray, " joints"], Face]], block: int = 1) -> Rows:
         """Rows of the model, filled up to whole blocks with rows that weigh nothing."""
         wire, touch = self.cell.wire, self.cell.touch
-        ball, flat = (wire.radius * (wire.shape == shape) for shape in ("ball", "flat"))
         more = -len(touches) % block
         touches, m = touches + touches[:1] * more, len(touches) + more
         return Rows(
             q=np.stack([q for q, _ in touches]),
             normal=np.stack([face.normal for _, face in touches]),
-            offset=np.array([face.offset + ball for _, face in touches]),
-            radius=np.full(m, flat),
+            offset=np.array([face.offset + wire.ball for _, face in touches]),
+            radius=np.full(m, wire.flat),
             sigma=np.array(
                 [np.hypot(touch.sigma, face.tolerance) for _, face in touches[: m - more]] + [np.inf] * more
             ),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
 from identify.model.identifiability import structure
@@ -46,10 +46,7 @@ def draw_many(
     cell: Cell, robots: int, rng: np.random.Generator, scale: float = 1.0
 ) -> Float[np.ndarray, "robots parameters"]:
     """Robots drawn from the cell's priors times `scale` [mm, rad]; what the cell calls fixed keeps its value."""
-    names = cell.robot.parameters
-    spread = np.where(np.isfinite(cell.prior), cell.prior, 0.0)
-    spread[[name in cell.fixed for name in names]] = 0.0
-    return cell.theta + scale * spread * rng.standard_normal((robots, len(names)))
+    return cell.theta + scale * cell.spread * rng.standard_normal((robots, len(cell.theta)))
 
 
 def draw_faces(cell: Cell, plan: Plan, robots: int, rng: np.random.Generator) -> Float[np.ndarray, "robots touches"]:
@@ -74,19 +71,13 @@ def touch_many(
     end = search_end(cell, plan)
     start = np.tile(plan.approach, (robots, 1))
     paths = Paths(start, np.tile(end, (robots, 1)), np.repeat(theta, count, axis=0))
-    shift = (cell.touch.sigma if sigma is None else sigma) * rng.standard_normal((robots, count))
-    shift = shift if proud is None else shift + proud
-    surface = surfaces(cell.jig, cell.wire, {})
+    shift = _shift(cell, (robots, count), rng, sigma, proud)
+    surface = surfaces(cell.jig, cell.wire)
     intervals = int(np.ceil(1.25 * cell.touch.travel / INTERVAL))
     fraction, met, early = first_contact(cell.kinematics, surface, paths, shift.ravel(), intervals)
     names = np.array([*surface.names, ""])
     hit = (names[met] == np.tile(np.array(plan.face), robots)) & (fraction < 1) & ~early
-    q = start + np.where(hit, fraction, 0.0)[:, None] * (paths.end - start)
-    faces = [cell.jig.by_name[name] for name in plan.face]
-    return ManyTouches(
-        q.reshape(robots, count, -1), hit.reshape(robots, count), np.array([face.normal for face in faces]),
-        np.array([face.offset for face in faces]), touch_sigma(cell, plan.face),
-    )  # fmt: skip
+    return _made(cell, plan, start + np.where(hit, fraction, 0.0)[:, None] * (paths.end - start), hit)
 
 
 def touch_every(
@@ -100,20 +91,14 @@ def touch_every(
     """
     assert cell.jig is not None
     robots, count = len(theta), len(plan)
-    shift = (cell.touch.sigma if sigma is None else sigma) * rng.standard_normal((robots, count))
-    shift = shift if proud is None else shift + proud
-    faces = [cell.jig.by_name[name] for name in plan.face]
-    normal, offset = np.array([face.normal for face in faces]), np.array([face.offset for face in faces])
+    shift = _shift(cell, (robots, count), rng, sigma, proud).ravel()
     start, way = np.tile(plan.approach, (robots, 1)), np.tile(plan.q - plan.approach, (robots, 1))
-    rows = np.repeat(theta, count, axis=0)
-    n, c = np.tile(normal, (robots, 1)), (np.tile(offset, robots) + shift.ravel())
-    wire = cell.wire
+    paths = Paths(start, start + way, np.repeat(theta, count, axis=0))
+    surface, rows = surfaces(cell.jig, cell.wire), np.arange(robots * count)
+    face = np.tile([surface.names.index(name) for name in plan.face], robots)
 
     def gap(fraction: np.ndarray) -> np.ndarray:
-        position, rotation = cell.kinematics.tip(start + fraction[:, None] * way, rows)
-        lean = (rotation[:, :, 2] * n).sum(axis=1)
-        extent = {"point": 0.0, "ball": wire.radius, "flat": wire.radius * np.sqrt(np.maximum(1 - lean**2, 0))}
-        return np.asarray((position * n).sum(axis=1) - c - extent[wire.shape])
+        return surface.gap(*paths.tips(cell.kinematics, rows, fraction))[rows, face] - shift
 
     a, b = np.zeros(len(rows)), np.ones(len(rows))
     fa, fb = gap(a), gap(b)
@@ -122,10 +107,26 @@ def touch_every(
         a, b, fa = b, b + step, fb
         fb = gap(b)
     hit = (np.abs(fb) < EXACT) & (np.abs(b - 1) < FARTHEST)
-    q = start + np.where(hit, b, 0.0)[:, None] * way
+    return _made(cell, plan, start + np.where(hit, b, 0.0)[:, None] * way, hit)
+
+
+def _shift(
+    cell: Cell, shape: tuple[int, int], rng: np.random.Generator, sigma: float | None,
+    proud: Float[np.ndarray, "robots touches"] | None,
+) -> Float[np.ndarray, "robots touches"]:  # fmt: skip
+    """How far before its face on the drawing each contact closes [mm]."""
+    shift = (cell.touch.sigma if sigma is None else sigma) * rng.standard_normal(shape)
+    return shift if proud is None else shift + proud
+
+
+def _made(cell: Cell, plan: Plan, q: np.ndarray, hit: np.ndarray) -> ManyTouches:
+    """The table of touches whose rows stand robot by robot."""
+    assert cell.jig is not None
+    faces, count = [cell.jig.by_name[name] for name in plan.face], len(plan)
     return ManyTouches(
-        q.reshape(robots, count, -1), hit.reshape(robots, count), normal, offset, touch_sigma(cell, plan.face)
-    )
+        q.reshape(-1, count, q.shape[1]), hit.reshape(-1, count), np.array([face.normal for face in faces]),
+        np.array([face.offset for face in faces]), touch_sigma(cell, plan.face),
+    )  # fmt: skip
 
 
 def errors_in_zone(
@@ -167,7 +168,7 @@ class _Problem:
 
     def __init__(self, cell: Cell, touches: ManyTouches, priors: bool, eliminate: bool) -> None:
         robots, count, joints = touches.q.shape
-        self.shape, self.sigma = (robots, count), touches.sigma
+        self.sigma = touches.sigma
         free = [i for i, name in enumerate(cell.robot.parameters) if name not in cell.fixed]
         self.model, self.kept = measurement_model(cell.robot), np.array(structure(cell).kept if eliminate else free)
         self.scale = cell.scale[self.kept]
@@ -177,15 +178,19 @@ class _Problem:
         wire = cell.wire
         self.rows = Rows(
             touches.q.reshape(-1, joints), np.tile(touches.normal, (robots, 1)),
-            np.tile(touches.offset + (wire.radius if wire.shape == "ball" else 0.0), robots),
-            np.full(robots * count, wire.radius if wire.shape == "flat" else 0.0), np.tile(touches.sigma, robots),
+            np.tile(touches.offset + wire.ball, robots),
+            np.full(robots * count, wire.flat), np.tile(touches.sigma, robots),
             (), np.arange(robots * count),
         )  # fmt: skip
 
-    def linearize(self, theta: Float[np.ndarray, "robots parameters"]) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals and Jacobian by the whitened kept parameters, both in units of sigma."""
-        r, J = self.model.linearize(np.repeat(theta, self.shape[1], axis=0), self.rows)
-        r, J = r.reshape(self.shape), J[:, self.kept].reshape(*self.shape, -1)
+    def linearize(
+        self, theta: Float[np.ndarray, "some parameters"], some: Int[np.ndarray, " some"] | None = None
+    ) -> tuple[Float[np.ndarray, "some touches"], Float[np.ndarray, "some touches kept"]]:
+        """Residuals and Jacobian by the whitened kept parameters of some robots, both in units of sigma."""
+        count = len(self.sigma)
+        rows = self.rows if some is None else self.rows.take((some[:, None] * count + np.arange(count)).ravel())
+        r, J = self.model.linearize(np.repeat(theta, count, axis=0), rows)
+        r, J = r.reshape(-1, count), J[:, self.kept].reshape(len(theta), count, -1)
         return r / self.sigma, J * self.scale / self.sigma[:, None]
 
     def solve(
@@ -196,8 +201,7 @@ class _Problem:
         theta, weight = theta.copy(), used / scale[:, None] ** 2
         going = np.arange(len(theta))
         for _ in range(ITERATIONS):
-            some = self.of(going)
-            r, J = some.linearize(theta[going])
+            r, J = self.linearize(theta[going], going)
             H, weighted = self.normal(J, weight[going])
             x = (theta[going][:, self.kept] - self.start[self.kept]) / self.scale
             gradient = (weighted * r[:, :, None]).sum(axis=1) + x @ self.precision
@@ -222,17 +226,6 @@ class _Problem:
         """Touches less the degrees of freedom that parameters take: their number, less what the priors hold."""
         held = (np.linalg.inv(self.normal(J, used * 1.0)[0]) * self.precision).sum(axis=(1, 2))
         return np.maximum(used.sum(axis=1) - len(self.kept) + held, 1.0)
-
-    def of(self, robots: np.ndarray) -> "_Problem":
-        """The same problem of some of the robots."""
-        if len(robots) == self.shape[0]:
-            return self
-        part = object.__new__(_Problem)
-        part.__dict__.update(self.__dict__)
-        part.shape = (len(robots), self.shape[1])
-        index = (robots[:, None] * self.shape[1] + np.arange(self.shape[1])).ravel()
-        part.rows = self.rows.take(index)
-        return part
 
     def scatter(
         self, theta: Float[np.ndarray, "robots parameters"], used: Bool[np.ndarray, "robots touches"]

@@ -221,5 +221,5 @@ def pictures(table: Table) -> dict[str, str]:
     )  # fmt: skip
     kept.line(tolerance, column(pivots, "kept"), AFTER)
     kept.dots(tolerance, column(pivots, "kept"), AFTER, [f"{int(k)}" for k in pivots["kept"]])
-    kept.level(21, "the paper's 21")
+    kept.level(PAPER["kept"], f"the paper's {PAPER['kept']}")
     return {"paper-methods": picture(chart), "paper-pivots": picture(kept)}

@@ -23,6 +23,16 @@ class Wire:
     radius: float = 0.6  # [mm]
     shape: Literal["point", "ball", "flat"] = "flat"
 
+    @property
+    def ball(self) -> float:
+        """What a round end adds to the distance of the tip from a face, whichever way it leans [mm]."""
+        return self.radius if self.shape == "ball" else 0.0
+
+    @property
+    def flat(self) -> float:
+        """The radius of a flat end, which counts by the sine of its lean; 0 of other ends [mm]."""
+        return self.radius if self.shape == "flat" else 0.0
+
 
 @dataclass(frozen=True)
 class TouchSettings:
@@ -102,6 +112,12 @@ class Cell:
         scale = np.array([group.get(name.split(".")[0], self.priors.link)[angular] for name, angular in names])
         scale[6 + 5 * len(self.robot.joints) : -6] = self._error_scale
         return scale
+
+    @cached_property
+    def spread(self) -> Float[np.ndarray, " parameters"]:
+        """How far robots are from their drawing [mm] or [rad], 1 sigma: 0 for what is fixed, or not known at all."""
+        fixed = [name in self.fixed for name in self.robot.parameters]
+        return np.where(fixed | np.isinf(self.prior), 0.0, self.prior)
 
     @property
     def _error_scale(self) -> list[float]:

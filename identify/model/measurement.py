@@ -83,9 +83,7 @@ def touch_conditions(
 
 def _touch_rows(wire: Wire, touches: Touches) -> Rows:
     m = len(touches)
-    flat = wire.radius if wire.shape == "flat" else 0.0
-    ball = wire.radius if wire.shape == "ball" else 0.0
-    offset, radius = touches.offset + ball, np.full(m, flat)
+    offset, radius = touches.offset + wire.ball, np.full(m, wire.flat)
     return Rows(touches.q, touches.normal, offset, radius, touches.sigma, touches.ids, np.arange(m))
 
 

@@ -93,7 +93,7 @@ def _drawn(jig: Jig, wire: Wire) -> Surfaces:
         names=tuple(face.name for face in faces), origin=np.array([face.origin for face in faces]),
         u=u / size[:, :1], v=v / size[:, 1:], normal=normal, size=size,
         boxes=np.array([(box.lower, box.upper) for box in jig.boxes], dtype=float).reshape(-1, 2, 3),
-        flat=wire.radius if wire.shape == "flat" else 0.0, ball=wire.radius if wire.shape == "ball" else 0.0,
+        flat=wire.flat, ball=wire.ball,
     )  # fmt: skip
 
 

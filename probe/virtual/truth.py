@@ -180,9 +180,7 @@ def draw_truth(cell: Cell, rng: np.random.Generator, *, scale: float = 1.0, jig:
     bounds hold.
     """
     names = cell.robot.parameters
-    spread = np.where(np.isfinite(cell.prior), cell.prior, 0.0)
-    spread[[name in cell.fixed for name in names]] = 0.0
-    theta = cell.theta + scale * spread * rng.standard_normal(len(names))
+    theta = cell.theta + scale * cell.spread * rng.standard_normal(len(names))
     lower, upper = np.array([cell.bounds.get(name, (-np.inf, np.inf)) for name in names]).T
     faces = {} if cell.jig is None or not jig else {f.name: f.tolerance * rng.standard_normal() for f in cell.jig.faces}
     return Truth(np.clip(theta, lower, upper), faces=faces, name="drawn", robot=cell.robot)
