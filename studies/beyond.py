@@ -103,14 +103,18 @@ def answer(table: Table) -> str:
 def pictures(table: Table) -> dict[str, str]:
     """Shares of trials with the right choice, and of values inside their intervals, by what the robot has."""
     cases = distinct(table, "case")
+    share = {
+        key: np.array([100 * np.nanmean(column(where(table, case=case), key)) for case in cases])
+        for key in ("right", "inside")
+    }
     chart = Chart(
         "Choice of joint errors: what is chosen is what the robot has, and its values are inside their intervals",
-        named("what the simulated robot has", cases), axis("share of trials or values, %", [0.0, 100.0]),
+        named("what the simulated robot has", cases),
+        axis("share of trials or values, %", [80.0, 100.0, *share["right"], *share["inside"]]),
         width=680, slanted=True,
     )  # fmt: skip
     for shift, key, shade in ((-0.12, "right", AFTER), (0.12, "inside", BEFORE)):
-        shares = np.array([100 * np.nanmean(column(where(table, case=case), key)) for case in cases])
-        chart.dots(np.arange(len(cases)) + shift, shares, shade, [f"{s:.0f} %" for s in shares], 5)
+        chart.dots(np.arange(len(cases)) + shift, share[key], shade, [f"{s:.0f} %" for s in share[key]], 5)
     chart.level(95.0, "95 %")
     chart.legend([(AFTER, "trials with the right choice"), (BEFORE, "values inside their 95 % intervals")])
     return {"beyond": picture(chart)}

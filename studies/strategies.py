@@ -20,7 +20,7 @@ import numpy as np
 
 from identify.calibration import calibrate
 from identify.model.touch import HIT, Plan, Touches
-from identify.report.svg import Chart, colour, logarithmic, picture
+from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, picture
 from oed.criteria import CRITERIA
 from oed.offer import offer, plan_of
 from oed.planning import COUNT, plan
@@ -134,20 +134,21 @@ def answer(table: Table) -> str:
 
 
 def pictures(table: Table) -> dict[str, str]:
-    """Tip error against the number of touches, a line a strategy."""
+    """Tip error by strategy, the best first, a colour for each number of touches."""
     found = medians(table)
-    numbers = np.array(sorted({n for line in found.values() for n in line}), dtype=float)
+    numbers = [int(n) for n in distinct(table, "touches")]
+    names = sorted(found, key=lambda name: found[name][numbers[0]])
+    title = "RMS tip error in the weld zone, mm"
     chart = Chart(
-        "Tip error in the weld zone after calibration, median over robots drawn from the priors",
-        logarithmic("touches", numbers),
-        logarithmic("RMS tip error, mm", [e for line in found.values() for e in line.values()]),
-        width=760, height=420,
+        f"{title}, after calibration: median over robots drawn from the priors",
+        named("how touches are chosen: optimal by an index, or else", names),
+        logarithmic(title, [e for line in found.values() for e in line.values()]),
+        width=760, height=380, slanted=True,
     )  # fmt: skip
-    shades = dict(zip(found, colour(np.linspace(0.0, 0.9, len(found))), strict=True))
-    shades |= {"even": "#c0392b", "random": "#e08e45"}
-    for name, line in found.items():
-        x, y = chart.x.scaled(np.array([*line], dtype=float)), chart.y.scaled(np.array([*line.values()]))
-        chart.line(x, y, shades[name], dashed=name in OTHERS)
-        chart.dots(x, y, shades[name], [f"{name}, {n} touches: {e:.3f} mm" for n, e in line.items()])
-    chart.legend([(shade, name) for name, shade in shades.items() if name in found])
+    for n, shade in zip(numbers, (BEFORE, AFTER, OUT), strict=False):
+        error = np.array([found[name].get(n, np.nan) for name in names])
+        there = np.flatnonzero(np.isfinite(error))
+        hints = [f"{names[i]}, {n} touches: {error[i]:.3f} mm" for i in there]
+        chart.dots(there.astype(float), chart.y.scaled(error[there]), shade, hints, 4)
+    chart.legend([(shade, f"{n} touches") for n, shade in zip(numbers, (BEFORE, AFTER, OUT), strict=False)])
     return {"strategies": picture(chart)}

@@ -1,5 +1,6 @@
 """Charts as inline SVG: axes with units, a legend, and colours that survive a printer."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from html import escape
@@ -9,6 +10,7 @@ from jaxtyping import Float
 
 BEFORE, AFTER, OUT = "#b0752c", "#1f6fb2", "#c0392b"
 MARGIN = (46, 18, 26, 58)  # bottom, right, top, left
+MOST = 8  # decades that are labelled on one axis, about
 SCALE = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # dark to light: small to large
 
 
@@ -48,12 +50,14 @@ def axis(title: str, values: Sequence[float] | np.ndarray, *, zero: bool = False
 
 
 def logarithmic(title: str, values: Sequence[float] | np.ndarray) -> Axis:
-    """A logarithmic axis around positive values, with ticks at 1, 2 and 5 where these are few."""
+    """A logarithmic axis around positive values: ticks at 1, 2 and 5 of few decades, or at every so many of many."""
     known = np.asarray(values, dtype=float)
     known = known[np.isfinite(known) & (known > 0)]
     low, high = (np.log10(known.min()), np.log10(known.max())) if len(known) else (0.0, 1.0)
     digits = (1, 2, 5) if high - low < 3 else (1,)
-    ticks = np.log10([d * 10.0**e for e in range(int(np.floor(low)) - 1, int(np.ceil(high)) + 2) for d in digits])
+    every = max(1, int(np.ceil((high - low) / MOST)))  # decades from label to label
+    decades = np.arange(np.floor(low / every) - 1, np.ceil(high / every) + 2) * every
+    ticks = np.log10([d * 10.0**e for e in decades for d in digits])
     first, last = ticks[ticks <= low + 1e-9][-1], ticks[ticks >= high - 1e-9][0]
     last = last if last > first else ticks[ticks > first][0]
     shown = ticks[(ticks >= first) & (ticks <= last)]
@@ -62,11 +66,9 @@ def logarithmic(title: str, values: Sequence[float] | np.ndarray) -> Axis:
 
 def _power(exponent: float) -> str:
     """Ten to the power of an exponent, short."""
-    return (
-        f"{10**exponent:.4g}"
-        if -3.1 < exponent < 4.9
-        else f"{10**exponent:.0e}".replace("e-0", "e-").replace("e+0", "e")
-    )
+    if -3.1 < exponent < 4.9:
+        return f"{10**exponent:.5g}"
+    return re.sub(r"e\+?(-?)0*", r"e\1", f"{10**exponent:.0e}")
 
 
 def around(axis: Axis, step: float) -> Axis:
@@ -154,14 +156,14 @@ class Chart:
         """A dashed line across the chart, with its meaning."""
         place = float(self.py(np.array([y]))[0])
         self.parts.append(f'<line class="level" x1="{self.left}" x2="{self.right}" y1="{place:.1f}" y2="{place:.1f}"/>')
-        self.parts.append(f'<text x="{self.right - 4}" y="{place - 4:.1f}" text-anchor="end">{escape(text)}</text>')
+        self.parts.append(f'<text x="{self.left + 4}" y="{place - 4:.1f}">{escape(text)}</text>')
 
     def legend(self, entries: Sequence[tuple[str, str]]) -> None:
         """Colours and what they mean, above the chart."""
         place = float(self.left)
         for colour, text in entries:
-            self.parts.append(f'<circle cx="{place + 5:.0f}" cy="{self.top - 10}" r="4" fill="{colour}"/>')
-            self.parts.append(f'<text x="{place + 13:.0f}" y="{self.top - 6}">{escape(text)}</text>')
+            self.parts.append(f'<circle cx="{place + 5:.0f}" cy="{self.top - 14}" r="4" fill="{colour}"/>')
+            self.parts.append(f'<text x="{place + 13:.0f}" y="{self.top - 10}">{escape(text)}</text>')
             place += 26 + 6.3 * len(text)
 
     def __str__(self) -> str:
