@@ -46,6 +46,11 @@ class Study:
         return (self.module.__doc__ or "").strip()
 
     @property
+    def question(self) -> str:
+        """The question alone, on one line."""
+        return " ".join(self.story.partition("\n\n")[0].split())
+
+    @property
     def alone(self) -> bool:
         """Whether it reads clocks, so that its tasks are better not computed beside each other."""
         return bool(getattr(self.module, "ALONE", False))

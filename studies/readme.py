@@ -22,12 +22,12 @@ def readme() -> str:
 
 
 def _section(study: Study) -> str:
-    question, _, rest = study.story.partition("\n\n")
+    rest = study.story.partition("\n\n")[2]
     pictures = [
-        f"![{question} ({path.stem})](pictures/{path.name})" for path in sorted(PICTURES.glob(f"{study.name}*.svg"))
+        f"![{study.question} ({path.stem})](pictures/{path.name})" for path in sorted(PICTURES.glob(f"{study.name}*.svg"))
     ]
     command = f"```sh\ntouchcal study {study.name}\n```"
-    return "\n\n".join([f"## {' '.join(question.split())}", rest, *pictures, command]) + "\n"
+    return "\n\n".join([f"## {study.question}", rest, *pictures, command]) + "\n"
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def study(
-    name: str,
+    name: str | None = None,
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     small: Annotated[bool, Parameter(negative=())] = False,
@@ -26,18 +26,19 @@ def study(
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
-    """Answer a question with numbers: a study computes its table and its pictures again.
+    """Answer a question with numbers: a study computes its table and its pictures again; alone, lists the questions.
 
     What is finished is kept in the output folder: a study that was interrupted goes on where it was. The table is the
     same for a seed, on one process, on many, and on a cluster. Examples:
 
+        touchcal study
         touchcal study observability --small
         touchcal study strategies --scheduler tcp://192.168.0.10:8786
 
     Parameters
     ----------
     name
-        strategies, paper, models, observability, touches, jig or peers.
+        One of those that `touchcal study` alone lists.
     output
         The folder for table, pictures and finished parts; study-NAME if not given.
     small
@@ -48,14 +49,19 @@ def study(
     scheduler
         The address of a Dask scheduler whose workers have touchcal installed.
     tls_ca_file
-        The certificate authority of a cluster with encrypted connections; with tls_cert and tls_key.
+        The certificate authority of a cluster with encrypted connections; with --tls-cert and --tls-key.
     tls_cert
         The certificate of this machine.
     tls_key
         Its key.
     """
+    from studies import STUDIES
     from studies.engine import Study, evaluate, write_results
 
+    if name is None:
+        questions = {known: Study.named(known).question for known in STUDIES}
+        print_json(questions) if json else print("\n".join(f"{k:15}{q}" for k, q in questions.items()))
+        return
     asked = Study.named(name)
     folder = Path(f"study-{name}") if output is None else output
     if asked.alone and not scheduler:
