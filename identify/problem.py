@@ -166,7 +166,7 @@ class Problem:
         """Least squares on the touches that agree: a robust fit finds those that do not, and they are left out."""
         weight, used = 1 / self.rows.sigma, np.ones(len(self.rows), dtype=bool)
         x = np.zeros(len(self.kept)) if start is None else (start - self.start)[self.kept]
-        solutions = [self.solve(x, weight, "linear")]
+        solutions = [self._first(x, weight)]
         for _ in range(6 if self.loss != "linear" else 0):
             scale = self._scale(solutions[-1].x, used)
             solutions.append(self.solve(solutions[-1].x, weight / scale, self.loss))
@@ -179,6 +179,15 @@ class Problem:
             solutions.append(self.solve(solutions[-1].x, weight * used / max(scale, 1.0), "linear"))
         iterations, seconds = sum(s.iterations for s in solutions), sum(s.seconds for s in solutions)
         return Estimate(solutions[-1].x, used, weight * used / max(scale, 1.0), iterations, seconds)
+
+    def _first(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Solution:
+        """Plain least squares; where touches far from all others keep these from an end, the robust loss at once."""
+        try:
+            return self.solve(x, weight, "linear")
+        except CalibrationFailed:
+            if self.loss == "linear":
+                raise
+            return self.solve(x, weight, self.loss)
 
     def _scale(self, x: Float[np.ndarray, " kept"], used: Bool[np.ndarray, " rows"]) -> float:
         """Robust scatter in units of sigma, at least 1: the median absolute residual, corrected for the parameters."""

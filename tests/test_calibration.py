@@ -304,6 +304,20 @@ def test_a_robot_far_off_its_drawing_is_found_where_what_the_drawing_makes_depen
     assert max(off[True]) > 2 * max(off[False])
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_touches_on_another_step_of_the_jig_are_left_out_where_all_parameters_are_estimated(arc_welder, poses, seed):
+    rng = np.random.default_rng(seed)
+    truth = arc_welder.theta + arc_welder.prior * rng.standard_normal(len(arc_welder.theta))
+    touches = touches_at(arc_welder, truth, poses[:60], rng, SIGMA)
+    offset = touches.offset.copy()
+    offset[[3, 17, 30, 44]] += [-23, -56, 83, 100]  # [mm]: least squares bend the robot by tens of degrees, without end
+
+    found = calibrate(arc_welder, with_offsets(touches, offset), eliminate=False, folds=0)
+
+    assert list(found.outliers) == ["t4", "t18", "t31", "t45"]
+    assert np.sqrt(np.mean(tip_error(arc_welder, found.theta, truth, poses[200:]) ** 2)) < 0.15
+
+
 def test_without_tolerances_dependent_parameters_cannot_all_be_estimated(arc_welder, poses, rng):
     touches = touches_at(arc_welder, arc_welder.theta, poses[:100], rng, SIGMA)
 

@@ -65,6 +65,50 @@ def test_identify_and_verify_run_through(folder, touchcal):
     assert (code, "identified robot, unseen" in out) == (0, True)
 
 
+@pytest.fixture
+def far_off(folder, arc_welder):
+    """Touches and unseen positions of a robot off by its tolerances, axes not parallel, in place of the paper's."""
+    rng = np.random.default_rng(2)
+    truth = arc_welder.theta + arc_welder.prior * rng.standard_normal(len(arc_welder.theta))
+    q = poses_over_jig(arc_welder, 160, rng)
+    touches, unseen = touches_at(arc_welder, truth, q[:100], rng, SIGMA), positions_at(arc_welder, truth, q[100:], rng)
+    (folder / "touches.csv").write_text(touches_text(touches, arc_welder.robot))
+    (folder / "unseen.csv").write_text(positions_text(unseen, arc_welder.robot))
+    return folder
+
+
+def test_all_parameters_are_estimated_on_demand_and_a_robot_far_off_its_drawing_gains_by_it(far_off, touchcal):
+    off = {}
+    for which in ("identifiable", "all"):
+        touchcal("identify", "touches.csv", "--parameters", which, "-o", f"{which}.json")
+        off[which] = json.loads(touchcal("verify", f"{which}.json", "unseen.csv", "--json")[1])
+
+    assert off["identifiable"]["rms_mm"] > 1.5 * off["all"]["rms_mm"]
+    assert off["all"]["p95_mm"] < off["all"]["promised_p95_mm"]
+
+
+def test_what_all_parameters_came_to_is_told_reported_and_used(far_off, touchcal, arc_welder):
+    code, out, _ = touchcal("identify", "touches.csv", "--parameters", "all")
+    assert (code, "42 of 42 parameters estimated" in out, "eliminated:" in out) == (0, True, False)
+    (far_off / "poses.csv").write_text("id,x_mm,y_mm,z_mm,rz_deg,ry_deg,rx_deg\nstart,120,150,210,-90,0,180\n")
+
+    assert touchcal("report", "calibration.json")[0] == 0
+    assert touchcal("compensate", "calibration.json", "poses.csv", "-o", "corrected.csv")[0] == 0
+    assert touchcal("export", "calibration.json", "--format", "json", "-o", "robot.json")[0] == 0
+
+    page, corrected = (far_off / "report.html").read_text(), (far_off / "corrected.csv").read_text()
+    assert "42 of 42 parameters estimated" in page
+    assert "start,corrected" in corrected
+
+
+def test_a_fit_that_scatters_too_much_says_that_all_parameters_may_be_asked_for(far_off, touchcal):
+    _, few, _ = touchcal("identify", "touches.csv")
+    _, every, _ = touchcal("identify", "touches.csv", "--parameters", "all")
+
+    assert "--parameters all" in few
+    assert "--parameters all" not in every
+
+
 def test_json_summaries_have_what_the_design_promises(folder, touchcal):
     identified = json.loads(touchcal("identify", "touches.csv", "--json")[1])
     verified = json.loads(touchcal("verify", "calibration.json", "unseen.csv", "--json")[1])
@@ -186,6 +230,8 @@ def test_a_torn_last_line_is_refused(folder, touchcal):
         (["identify", "touches.csv", "--cell", "none.yaml"], "none.yaml: no such file"),
         (["identify", "touches.csv", "-o", "no/such/folder.json"], "cannot be written"),
         (["identify", "touches.csv", "--loss", "square"], "square"),
+        (["identify", "touches.csv", "--parameters", "some"], "some"),
+        (["identify", "touches.csv", "--parameters", "all", "--no-priors"], "not all parameters can be estimated"),
         (["verify", "touches.csv", "unseen.csv"], "not a calibration"),
         (["verify", "none.json", "unseen.csv"], "none.json: no such file"),
         (["plam"], "there is no command 'plam'; did you mean 'plan'?"),

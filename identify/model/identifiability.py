@@ -90,7 +90,8 @@ def everything(cell: Cell, priors: bool = True) -> Identifiability:
     if loose:
         raise InputError(
             f"nothing is known of {', '.join(loose[:3])}{' ...' if len(loose) > 3 else ''} before the touches, so not "
-            "all parameters can be estimated; write base and tool into cell.yaml and use its priors, or eliminate"
+            "all parameters can be estimated; write base and tool into cell.yaml and use its priors, or estimate only "
+            "the identifiable ones"
         )
     return Identifiability(names, kept, {})
 

@@ -23,7 +23,7 @@ def report(c: Calibration, measured: Sequence[Touches | Positions] = (), verifie
     faces = {name: face for t in measured if isinstance(t, Touches) for name, face in zip(t.ids, t.face, strict=True)}
     shown = _scene(c, measured)
     jig = c.cell.jig.name if c.cell.jig else "none"
-    counted = f"{len(c.residuals)} measurements, {len(c.estimated)} of {len(c.theta)} parameters identified, jig {jig}"
+    counted = f"{len(c.residuals)} measurements, {len(c.estimated)} of {len(c.theta)} parameters estimated, jig {jig}"
     hashes = [[name, value] for name, value in {**c.inputs, **c.cell.sources}.items()]
     sections = [
         f'<h1>Calibration of {escape(c.cell.robot.name)}</h1><p class="soft">{escape(counted)}</p>',

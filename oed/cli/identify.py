@@ -29,6 +29,7 @@ def identify(
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("calibration.json"),
     loss: Literal["huber", "linear", "cauchy"] = "huber",
     priors: bool = True,
+    parameters: Literal["identifiable", "all"] = "identifiable",
     errors: str = "cell",
     seed: Seed = 0,
     trust_units: TrustUnits = False,
@@ -37,9 +38,11 @@ def identify(
     """Identify the parameters that put every touch on its face.
 
     Touches and measured tip positions may be mixed; a file with columns x_mm, y_mm, z_mm holds positions. Touches that
-    disagree with all others are named and left out. Example:
+    disagree with all others are named and left out. Examples:
 
         touchcal identify touches.csv positions.csv -o calibration.json
+
+        touchcal identify touches.csv --parameters all
 
     Parameters
     ----------
@@ -51,6 +54,11 @@ def identify(
         How touches that disagree are found: huber, cauchy, or linear to use all touches as they are.
     priors
         Use the tolerances of the cell file beside the touches (maximum a posteriori).
+    parameters
+        identifiable eliminates what touches of the robot on the drawing cannot tell apart: few parameters, each with
+        its name. all estimates every parameter and lets the tolerances tell apart what touches cannot. Take all for
+        a robot that is centimetres off its drawing, where it is worth up to 0.4 mm: axes that are parallel on the
+        drawing are not on the robot. It needs priors that are honest; campaigns always do so.
     errors
         Joint errors beyond geometry: auto lets the touches choose among harmonics, compliance, backlash, coupling, gear
         and thermal; names, with commas between them, take these; none takes none; cell those of the cell file.
@@ -62,8 +70,9 @@ def identify(
     described = _with_errors(load_cell(cell), errors)
     measured, inputs = read_measured(files, described, trust_units)
     found = calibrate(
-        described, *measured, loss=loss, priors=priors, choose=errors == "auto", rng=_generator(seed), inputs=inputs
-    )
+        described, *measured, loss=loss, priors=priors, eliminate=parameters == "identifiable",
+        choose=errors == "auto", rng=_generator(seed), inputs=inputs,
+    )  # fmt: skip
     write_calibration(output, found)
     if json:
         print_json(summary(found))
@@ -118,7 +127,7 @@ def story(c: Calibration, output: Path) -> str:
 
     before = summarize(np.array([r.before_mm for r in c.residuals.values() if r.used]))
     lines = [
-        f"{len(c.estimated)} of {len(c.theta)} parameters identified from {len(c.residuals)} measurements, "
+        f"{len(c.estimated)} of {len(c.theta)} parameters estimated from {len(c.residuals)} measurements, "
         f"{c.iterations} iterations, {1000 * c.solve_s:.0f} ms",
         "",
         errors_table({"nominal robot, residuals": before, "fit (no accuracy)": c.fit, "regions held out": c.held_out}),
@@ -162,9 +171,11 @@ def _scatter(c: Calibration) -> list[str]:
         return [f"residuals scatter as the stated sigma says (x {c.scatter:.2f})"]
     if c.scatter < 1:
         return [f"residuals scatter less than the stated sigma (x {c.scatter:.2f}): sigma_mm may be smaller"]
+    far = ["or it is so far off its drawing that --parameters all is the better choice"] if c.combinations else []
     return [
         f"residuals scatter {c.scatter:.2f} times the stated sigma: intervals are widened by that; the touches are",
         "worse than stated (joints read before the robot settled?), or the robot bends more than the model knows",
+        *far,
     ]
 
 
