@@ -1,74 +1,112 @@
-"""CasADi's own virtual machine judges what NumPy makes of its programs."""
+"""CasADi's own virtual machine judges what is made of its programs for columns of numbers."""
 
 import casadi as ca
 import numpy as np
 import pytest
+from cells import cell_of
 
 from identify.model import mapped
+from identify.model.descent import AXIS, POSE, descent
+from identify.model.errors import ERROR_MODELS
 from identify.model.kinematics import Kinematics
-from identify.model.mapped import Mapped
-from identify.model.measurement import MeasurementModel, Rows
-from identify.model.tape import CHUNK, Tape
+from identify.model.mapped import BLOCKS, FEWEST, Mapped
+from identify.model.measurement import MeasurementModel
+from identify.model.tape import columns
+from identify.selection import with_errors
 
 a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c", 2)
 EXPRESSIONS = {
-    "arithmetic": [a + b, a - b, a * b, a / b, -a, 2 * a, a**2, 1 / b, a**3, a**b],
+    "arithmetic": [a + b, a - b, a * b, a / b, -a, 2 * a, a**2, 1 / b, a**3, a**b, a / 3, a + a, a * a, a - 2],
     "functions": [ca.sin(a), ca.cos(a), ca.tan(a), ca.exp(a), ca.sqrt(b), ca.log(b), ca.fabs(a), ca.sign(a)],
     "inverse functions": [ca.asin(a / 4), ca.acos(a / 4), ca.atan(a), ca.atan2(a, b)],
+    "other functions": [ca.tanh(a), ca.erf(a), ca.floor(a), ca.fmod(a, b), ca.hypot(a, b), ca.copysign(b, a)],
     "choices": [ca.fmin(a, b), ca.fmax(a, b), ca.if_else(a < b, a, b), ca.if_else(a <= 0, b, 1)],
     "equality": [ca.if_else(a == b, 1, 2), ca.if_else(a != b, a, 0), ca.if_else(ca.logic_not(a < b), a, b)],
-    "constants": [ca.SX(3), a, ca.dot(c, c)],
+    "constants": [ca.SX(3), ca.SX(0), a, ca.dot(c, c), c[0]],
+    "infinities and what is no number": [a / (a - a), ca.sqrt(a), ca.log(a), ca.asin(a)],
 }  # fmt: skip
 
 
+@pytest.fixture(autouse=True)
+def worth_it_from_the_first_row(monkeypatch):
+    monkeypatch.setattr(mapped, "WORTH", 0)
+
+
+def walked(function, *arguments):
+    """What CasADi's virtual machine makes of every row."""
+    alone = Mapped(function)
+    return [alone(*(x if x.ndim < 2 else x[[i]] for x in arguments)) for i in range(len(arguments[0]))]
+
+
+def in_blocks(function, *arguments):
+    """What the functions of whole columns make of all rows, however many there are."""
+    together = Mapped(function)
+    found = together(*arguments)
+    assert together._blocks or len(arguments[0]) < FEWEST
+    assert None not in together._blocks.values()
+    return found
+
+
+def check(function, *arguments):
+    for column, of_rows in zip(
+        in_blocks(function, *arguments), zip(*walked(function, *arguments), strict=True), strict=True
+    ):
+        np.testing.assert_array_equal(column, np.concatenate(of_rows))
+
+
 @pytest.mark.parametrize("name", EXPRESSIONS)
-def test_every_operation_is_that_of_casadi(name, rng):
+def test_every_operation_is_that_of_casadi_to_the_last_digit(name, rng):
     function = ca.Function("f", [a, b, c], [ca.densify(ca.vertcat(*EXPRESSIONS[name]))])
-    columns = [rng.uniform(-3, 3, (60, 1)), rng.uniform(0.1, 3, (60, 1)), rng.normal(size=2)]
-    columns[0][:3] = columns[1][:3]  # equal values, for the choices
-    out = np.empty((60, function.numel_out(0)))
+    left, right = (
+        rng.uniform(-3, 3, (BLOCKS[0] + BLOCKS[1] + 7, 1)),
+        rng.uniform(0.1, 3, (BLOCKS[0] + BLOCKS[1] + 7, 1)),
+    )
+    left[:3] = right[:3]  # equal values, for the choices
 
-    Tape(function).play(columns, [out])
-
-    assert Tape(function).playable
-    (expected,) = Mapped(function)(*columns)  # few enough rows for CasADi's machine
-    np.testing.assert_allclose(out, expected, rtol=1e-15, atol=1e-15)
+    check(function, left, right, rng.normal(size=2))
 
 
-def test_infinities_and_nans_travel_through_without_a_warning():
-    function = ca.Function("f", [a, b], [a / b, ca.sqrt(a)])
-    out = [np.empty((2, 1)), np.empty((2, 1))]
+@pytest.mark.parametrize("robot", ["arc-welder", "arm7", "scara"])
+@pytest.mark.parametrize("errors", [(), tuple(ERROR_MODELS)])
+def test_robots_are_where_casadi_puts_them_to_the_last_digit(robot, errors, rng):
+    cell = with_errors(cell_of(robot), errors)
+    m, joints = BLOCKS[0] + 7, len(cell.robot.joints)
+    theta = cell.theta + 0.01 * cell.scale * rng.normal(size=len(cell.theta))
+    q = rng.uniform(cell.robot.lower, cell.robot.upper, (m, joints))
+    kinematics, model = Kinematics(cell.robot), MeasurementModel(cell.robot)
+    conditions = [rng.uniform(-1, 1, (m, joints + 1))] if model.conditional else []
 
-    Tape(function).play([np.array([[1.0], [-1.0]]), np.array([0.0])], out)
+    for one in (kinematics.tip, kinematics.tip_jacobian, kinematics.pose_jacobian, kinematics.flange):
+        check(one.function, q, theta)
+    check(
+        model._flat.function,
+        q,
+        theta,
+        *rng.normal(size=(1, m, 3)),
+        rng.normal(size=(m, 1)),
+        *conditions,
+        np.ones((m, 1)),
+    )
+    for rows in (POSE, AXIS):
+        wanted = rng.normal(size=(m, 9))
+        check(descent(cell.robot, rows).function, q, theta, rng.normal(size=(m, 3)), wanted, np.full((m, 1), 0.1))
 
-    np.testing.assert_array_equal(out[0][:, 0], [np.inf, -np.inf])
-    np.testing.assert_array_equal(out[1][:, 0], [1.0, np.nan])
+
+@pytest.mark.parametrize("count", [1, *BLOCKS, 2 * BLOCKS[1] + 1, 2 * BLOCKS[0] + 1])
+def test_any_number_of_rows_fits(count, rng):
+    x = rng.normal(size=(count, 1))
+
+    (found,) = in_blocks(ca.Function("f", [a], [2 * a]), x)
+
+    np.testing.assert_array_equal(found, 2 * x[:, 0])
 
 
-def test_a_program_with_an_operation_that_is_not_in_the_table_is_left_to_casadi(rng, monkeypatch):
-    function = ca.Function("f", [a], [ca.erf(a)])
-    monkeypatch.setattr(mapped, "FEWEST", 1)
+def test_a_program_that_calls_another_is_left_to_casadi(rng):
+    inner = ca.Function("g", [a], [ca.sin(a)], {"never_inline": True})
+    function = ca.Function("f", [a], [inner(a) + 1])
+    x = rng.normal(size=(5000, 1))
 
-    (out,) = Mapped(function)(rng.normal(size=(5, 1)))
+    (found,) = Mapped(function)(x)
 
-    assert not Tape(function).playable
-    assert out.shape == (5,)
-
-
-def test_many_rows_give_what_casadi_gives(arc_welder, rng, monkeypatch):
-    robot, m = arc_welder.robot, CHUNK + 7
-    q = rng.uniform(robot.lower, robot.upper, (m, 6))
-    normal = rng.normal(size=(m, 3))
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    rows = Rows(q, normal, rng.normal(size=m), np.full(m, 0.6), np.ones(m), (), np.arange(m))
-
-    r, J = MeasurementModel(robot).linearize(arc_welder.theta, rows)
-    position, R = Kinematics(robot).tip(q, arc_welder.theta)
-
-    monkeypatch.setattr(mapped, "FEWEST", 10 * m)
-    r_casadi, J_casadi = MeasurementModel(robot).linearize(arc_welder.theta, rows)
-    position_casadi, R_casadi = Kinematics(robot).tip(q, arc_welder.theta)
-    np.testing.assert_allclose(r, r_casadi, rtol=0, atol=1e-11)  # [mm]
-    np.testing.assert_allclose(J, J_casadi, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(position, position_casadi, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(R, R_casadi, rtol=0, atol=1e-14)
+    assert columns(function, [False], 4) is None
+    np.testing.assert_array_equal(found, np.sin(x[:, 0]) + 1)

@@ -1,14 +1,16 @@
 """One compiled CasADi function evaluated at many points at once, NumPy arrays in and out."""
 
-from functools import cached_property
 from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 
-from identify.model.tape import FEWEST, Tape
+from identify.model.tape import columns
 
-CHUNK = 2048  # rows that CasADi evaluates in one call, so that memory stays bounded whatever the number of touches
+CHUNK = 2048  # rows that CasADi's virtual machine walks in one call, so that memory stays bounded
+BLOCKS = 256, 64  # rows of the functions that work on whole columns; their values stay in the cache
+FEWEST = 12  # rows from which the smaller of them is faster than the virtual machine
+WORTH = 2000  # rows after which the ten milliseconds that it takes to write these functions come back
 
 
 class Mapped:
@@ -17,11 +19,11 @@ class Mapped:
     def __init__(self, function: ca.Function) -> None:
         self.function = function
         self.shapes = [function.size_out(i) for i in range(function.n_out())]
+        self.names = function.name_in()
+        self.sizes = [function.numel_in(i) for i in range(function.n_in())]
         self._maps: dict[int, ca.Function] = {}
-
-    @cached_property
-    def _tape(self) -> Tape:
-        return Tape(self.function)
+        self._blocks: dict[tuple[int, tuple[bool, ...]], ca.Function | None] = {}
+        self._done = 0
 
     def __call__(self, *arguments: np.ndarray) -> tuple[np.ndarray, ...]:
         """Outputs of every row; an argument without a row axis is shared by all rows.
@@ -30,48 +32,81 @@ class Mapped:
         """
         rows = self._rows(arguments)
         out = [np.empty((rows, width, height)) for height, width in self.shapes]
-        if rows >= FEWEST and self._tape.playable:
-            self._tape.play(arguments, [o.reshape(rows, -1) for o in out])
-            return tuple(_squeezed(o) for o in out)
-        for start in range(0, rows, CHUNK):
-            size = min(CHUNK, rows - start)
-            self._evaluate(
-                size,
-                [a if a.ndim < 2 else a[start : start + size] for a in arguments],
-                [o[start : start + size] for o in out],
-            )
+        self._done += rows
+        if rows < FEWEST or self._done < WORTH or not self._in_blocks(rows, arguments, out):
+            for start in range(0, rows, CHUNK):
+                part = slice(start, min(start + CHUNK, rows))
+                self._walk([a if a.ndim < 2 else a[part] for a in arguments], [o[part] for o in out])
         return tuple(_squeezed(o) for o in out)
 
     def _rows(self, arguments: tuple[np.ndarray, ...]) -> int:
-        names = self.function.name_in()
-        if len(arguments) != len(names):
-            raise ValueError(f"{self.function.name()}: {len(arguments)} arguments, expected {', '.join(names)}")
+        name = self.function.name()
+        if len(arguments) != len(self.names):
+            raise ValueError(f"{name}: {len(arguments)} arguments, expected {', '.join(self.names)}")
+        for a, of, size in zip(arguments, self.names, self.sizes, strict=True):
+            if a.ndim not in (1, 2) or a.shape[-1] != size:
+                raise ValueError(f"{name}: {of} has shape {a.shape}, expected (rows, {size})")
         counts = {a.shape[0] for a in arguments if a.ndim == 2}
-        for name, a, i in zip(names, arguments, range(len(names)), strict=True):
-            if a.ndim not in (1, 2) or a.shape[-1] != self.function.numel_in(i):
-                raise ValueError(
-                    f"{self.function.name()}: {name} has shape {a.shape}, expected (rows, {self.function.numel_in(i)})"
-                )
         if len(counts) > 1:
-            raise ValueError(f"{self.function.name()}: arguments have {sorted(counts)} rows, expected one number")
+            raise ValueError(f"{name}: arguments have {sorted(counts)} rows, expected one number")
         return counts.pop() if counts else 1
 
-    def _evaluate(self, size: int, arguments: list[np.ndarray], out: list[np.ndarray]) -> None:
+    def _in_blocks(self, rows: int, arguments: tuple[np.ndarray, ...], out: list[np.ndarray]) -> bool:
+        """Fill `out` a block of rows at a time; False where the function cannot be written so."""
+        shared = tuple(a.ndim < 2 for a in arguments)
+        start, (large, small) = 0, BLOCKS
+        while start < rows:
+            size = large if rows - start > 2 * small else small
+            block = self._block(size, shared)
+            if block is None:
+                return False
+            part = slice(start, min(start + size, rows))
+            # kept in lists: CasADi holds bare pointers to them
+            given = [_whole(a if one else _padded(a[part], size)) for a, one in zip(arguments, shared, strict=True)]
+            found = [np.empty((width * height, size)) for height, width in self.shapes]
+            _evaluate(block, given, found)
+            for o, columns_found in zip(out, found, strict=True):
+                o.reshape(rows, -1)[part] = columns_found[:, : part.stop - start].T
+            start = part.stop
+        return True
+
+    def _block(self, size: int, shared: tuple[bool, ...]) -> ca.Function | None:
+        if (size, shared) not in self._blocks:
+            self._blocks[size, shared] = columns(self.function, shared, size)
+        return self._blocks[size, shared]
+
+    def _walk(self, arguments: list[np.ndarray], out: list[np.ndarray]) -> None:
+        """Fill `out` by CasADi's virtual machine, row by row."""
+        size = len(out[0])
         if size not in self._maps:
             self._maps[size] = self.function.map(size)
-        buffer, evaluate = self._maps[size].buffer()
-        buffer = cast(Any, buffer)  # the stubs hide that one memoryview is enough
-        # kept in a list: CasADi holds bare pointers to them
-        held: list[np.ndarray] = [
-            np.ascontiguousarray(np.broadcast_to(a, (size, a.shape[-1])), dtype=float) for a in arguments
-        ]
-        for i, a in enumerate(held):
-            buffer.set_arg(i, a.data)
-        for i, o in enumerate(out):
-            buffer.set_res(i, o.data)
-        evaluate()
-        if buffer.ret():
-            raise ArithmeticError(f"{self.function.name()}: evaluation failed with status {buffer.ret()}")
+        given = [_whole(np.broadcast_to(a, (size, a.shape[-1]))) for a in arguments]
+        _evaluate(self._maps[size], given, out)
+
+
+def _whole(a: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(a, dtype=float)
+
+
+def _padded(part: np.ndarray, size: int) -> np.ndarray:
+    """Columns of so many rows, the last row repeated to fill them."""
+    found = np.empty((part.shape[1], size))
+    found[:, : len(part)] = part.T
+    found[:, len(part) :] = part[-1][:, None]
+    return found
+
+
+def _evaluate(function: ca.Function, arguments: list[np.ndarray], out: list[np.ndarray]) -> None:
+    """Evaluate on contiguous arrays, in place."""
+    buffer, evaluate = function.buffer()
+    buffer = cast(Any, buffer)  # the stubs hide that one memoryview is enough
+    for i, a in enumerate(arguments):
+        buffer.set_arg(i, a.data)
+    for i, o in enumerate(out):
+        buffer.set_res(i, o.data)
+    evaluate()
+    if buffer.ret():
+        raise ArithmeticError(f"{function.name()}: evaluation failed with status {buffer.ret()}")
 
 
 def _squeezed(out: np.ndarray) -> np.ndarray:
