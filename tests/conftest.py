@@ -5,15 +5,20 @@ import pty
 import threading
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import settings
+from measured import poses_over_jig, table_2, touches_at
 
+from identify.calibration import calibrate
+from identify.model.calibration import Calibration
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell
+from identify.model.description import library, read_cell, read_jig
+from identify.model.jig import Jig
+from oed.cli import main
 
 # the same examples on every run, and no deadline: this machine may be busy
 settings.register_profile("touchcal", deadline=None, derandomize=True, max_examples=50)
@@ -40,11 +45,38 @@ def arc_welder() -> Cell:
 
 
 @pytest.fixture(scope="session")
+def found(arc_welder: Cell) -> Calibration:
+    """What a hundred touches of the paper's hidden robot tell of it."""
+    rng = np.random.default_rng(5)
+    touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 100, rng), rng)
+    return calibrate(arc_welder, touches, folds=0)
+
+
+@pytest.fixture(scope="session")
+def box() -> Jig:
+    """A workpiece to locate."""
+    return read_jig(library("jigs")["cube"])
+
+
+@pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Measured data, not part of the repository."""
     if not SHARED.is_dir():
         pytest.skip(f"measured data is not at {SHARED}")
     return SHARED
+
+
+@pytest.fixture
+def touchcal(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """The command line, in this process: what it exits with, what it says, and what it says on stderr."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as stop:
+            main([str(argument) for argument in arguments])
+        said = capsys.readouterr()
+        return stop.value.code, said.out, said.err
+
+    return run
 
 
 @pytest.fixture

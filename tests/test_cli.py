@@ -1,11 +1,8 @@
 """The command line as a user meets it: what it says, what it writes, what it answers to bad input."""
 
-import inspect
 import json
-import re
 import subprocess
 import sys
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -13,7 +10,6 @@ from measured import poses_over_jig, positions_at, table_2, touches_at
 
 from identify.model.description import library
 from identify.model.tables import positions_text, touches_text
-from oed.cli import COMMANDS, main
 
 SIGMA = 0.05  # [mm]
 
@@ -37,17 +33,6 @@ def folder(sheets, tmp_path, monkeypatch):
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def touchcal(capsys):
-    def run(*arguments):
-        with pytest.raises(SystemExit) as stop:
-            main([str(a) for a in arguments])
-        said = capsys.readouterr()
-        return stop.value.code, said.out, said.err
-
-    return run
 
 
 def edit(path, change):
@@ -274,43 +259,9 @@ def test_an_old_calibration_survives_a_failed_run(folder, touchcal):
     assert (folder / "calibration.json").read_text() == before
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_option_of_a_command_is_explained(command):
-    function = getattr(import_module(f"oed.cli.{command}"), command)
-    explained = inspect.getdoc(function).partition("Parameters\n")[2]
-
-    for name, parameter in inspect.signature(function).parameters.items():
-        shared = "help=" in str(parameter.annotation)  # options of several commands bring their sentence
-        assert shared or re.search(rf"^{name}\n    \S", explained, re.MULTILINE), name
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_explains_itself_with_an_example(command, touchcal):
-    code, out, _ = touchcal(command, "--help")
-
-    assert code == 0
-    assert f"touchcal {command}" in re.split("Examples?:", out)[1]
-
-
 def test_a_reader_that_has_seen_enough_is_no_failure():
     command = f"{sys.executable} -c 'from oed.cli import main; main([\"--help\"])' | true"
 
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
 
     assert (done.stdout, done.stderr) == ("", "")
-
-
-def test_help_loads_nothing_heavy():
-    """The command line answers at once: neither NumPy nor CasADi is loaded for a page of text."""
-    script = (
-        "import sys\n"
-        "from oed.cli import main\n"
-        "try: main(['--help'])\n"
-        "except SystemExit: pass\n"
-        "print([m for m in ('numpy', 'casadi', 'scipy', 'pydantic', 'ruamel') if m in sys.modules])"
-    )
-
-    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-
-    assert said.stdout.splitlines()[-1] == "[]"
-    assert all(command in said.stdout for command in COMMANDS)

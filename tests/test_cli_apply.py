@@ -16,7 +16,6 @@ from identify.model.files import InputError, sheet_text
 from identify.model.frames import inverse, pose, transform
 from identify.programs.fixing import fix
 from identify.programs.makers import MAKERS
-from oed.cli import main
 
 Q = np.array([[0.1, 0.2, -0.3, 0.4, 0.9, 0.3], [0.2, 0.3, -0.4, 0.1, 1.0, -0.3], [0.1, 0.2, -0.3, 0.4, 0.8, 0.3]])
 JOB = """/JOB
@@ -48,17 +47,6 @@ def folder(arc_welder, tmp_path, monkeypatch):
     (tmp_path / "SEAM.JBI").write_text(JOB)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def touchcal(capsys):
-    def run(*arguments):
-        with pytest.raises(SystemExit) as stop:
-            main([str(a) for a in arguments])
-        said = capsys.readouterr()
-        return stop.value.code, said.out, said.err
-
-    return run
 
 
 def rows(path):

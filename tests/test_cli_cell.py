@@ -14,20 +14,8 @@ from virtual_support import make_plan
 
 from identify.model.description import library, read_cell
 from identify.model.tables import plan_text, read_touches
-from oed.cli import main
 
 COMMAND = [str(Path(sys.executable).parent / "touchcal")]
-
-
-@pytest.fixture
-def touchcal(capsys):
-    def run(*arguments):
-        with pytest.raises(SystemExit) as stop:
-            main([str(a) for a in arguments])
-        said = capsys.readouterr()
-        return stop.value.code, said.out, said.err
-
-    return run
 
 
 @pytest.fixture

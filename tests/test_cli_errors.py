@@ -10,7 +10,6 @@ from identify.model.calibration import read_calibration
 from identify.model.description import library
 from identify.model.tables import positions_text
 from identify.selection import with_errors
-from oed.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -24,19 +23,11 @@ def sheet(arc_welder):
     return positions_text(positions_at(bending, theta, q, rng, 0.05), arc_welder.robot)
 
 
-@pytest.fixture
-def touchcal(sheet, tmp_path, monkeypatch, capsys):
+@pytest.fixture(autouse=True)
+def folder(sheet, tmp_path, monkeypatch):
     (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
     (tmp_path / "positions.csv").write_text(sheet)
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as stop:
-            main([str(a) for a in arguments])
-        said = capsys.readouterr()
-        return stop.value.code, said.out, said.err
-
-    return run
 
 
 def test_the_touches_choose_what_is_there_and_it_is_told_and_written(touchcal, tmp_path):

@@ -23,13 +23,6 @@ MICROMETRE = 1e-3
 STICKOUT = 18.0  # [mm] of bare wire
 
 
-def touchcal(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    said = capsys.readouterr()
-    return stop.value.code, said.out, said.err
-
-
 @dataclass
 class Made:
     """A plan as it stands in its file, and what was said of it."""
@@ -183,18 +176,18 @@ def cell_file(tmp_path):
         (["--target", 0.01], "no number of touches can promise it.*alone leaves 0.0"),
     ],
 )
-def test_a_plan_that_cannot_be_is_refused_in_one_sentence(cell_file, tmp_path, capsys, options, says):
-    code, out, err = touchcal(capsys, "plan", "--cell", cell_file(), "-o", tmp_path / "plan.csv", *options)
+def test_a_plan_that_cannot_be_is_refused_in_one_sentence(cell_file, tmp_path, touchcal, options, says):
+    code, out, err = touchcal("plan", "--cell", cell_file(), "-o", tmp_path / "plan.csv", *options)
 
     assert (code, out) == (2, "")
     assert re.search(says, " ".join(err.split()))
     assert not (tmp_path / "plan.csv").exists()
 
 
-def test_a_jig_out_of_reach_is_told_with_how_far(cell_file, tmp_path, capsys):
+def test_a_jig_out_of_reach_is_told_with_how_far(cell_file, tmp_path, touchcal):
     far = cell_file("x_mm: 340, y_mm: 740", "x_mm: 340, y_mm: 4740")
 
-    code, _, err = touchcal(capsys, "plan", "-n", 30, "--cell", far, "-o", tmp_path / "plan.csv")
+    code, _, err = touchcal("plan", "-n", 30, "--cell", far, "-o", tmp_path / "plan.csv")
 
     assert code == 2
     assert re.search(r"face 'top-low' is out of reach: the tip comes no nearer than 3\d\d\d mm; move the jig", err)

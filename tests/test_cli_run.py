@@ -14,24 +14,12 @@ from identify.model.cell import Cell
 from identify.model.description import library
 from identify.model.tables import plan_text, read_touches
 from identify.model.touch import Plan
-from oed.cli import main
 from probe.controllers import open_controller
 from probe.session import Session, rebuilt
 from probe.virtual.server import VirtualCell, serve
 from probe.virtual.truth import draw_truth, with_effects
 
 Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def touchcal(capsys: pytest.CaptureFixture[str]) -> Run:
-    def command(*arguments: object) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as stop:
-            main([str(a) for a in arguments])
-        said = capsys.readouterr()
-        return stop.value.code, said.out, said.err
-
-    return command
 
 
 @pytest.fixture(scope="module")

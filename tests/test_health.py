@@ -11,7 +11,6 @@ from identified import identified
 from measured import TABLE_2, poses_over_jig, table_2, touches_at, with_offsets
 from scipy.stats import binom
 
-from identify.calibration import calibrate
 from identify.causes import causes, looked_for
 from identify.health import ALARM, judge, noticed
 from identify.model.calibration import write_calibration
@@ -23,18 +22,10 @@ from identify.model.tables import touches_text
 from identify.model.touch import HIT, Touches
 from oed.candidates import candidates
 from oed.change import plan_check
-from oed.cli import main
 from oed.offer import plan_of
 
 DEG = np.pi / 180
 SIGMA = 0.05  # [mm]
-
-
-@pytest.fixture(scope="module")
-def found(arc_welder):
-    rng = np.random.default_rng(5)
-    touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 100, rng), rng)
-    return calibrate(arc_welder, touches, folds=0)
 
 
 @pytest.fixture(scope="module")
@@ -214,37 +205,33 @@ def folder(arc_welder, found, tmp_path, monkeypatch):
     return tmp_path
 
 
-def touchcal(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    return ended.value.code
+def test_from_plan_over_the_virtual_robot_to_the_verdict(folder, touchcal):
+    code, out, _ = touchcal("health", "calibration.json")
+    assert code == 0
+    assert "zero of joint j2" in out
 
-
-def test_from_plan_over_the_virtual_robot_to_the_verdict(folder, capsys):
-    assert touchcal("health", "calibration.json") == 0
-    assert "zero of joint j2" in capsys.readouterr().out
-
-    assert touchcal("health", "calibration.json", "--run") == 0
-    assert "unchanged: the robot is the one that was identified" in capsys.readouterr().out
+    code, out, _ = touchcal("health", "calibration.json", "--run")
+    assert code == 0
+    assert "unchanged: the robot is the one that was identified" in out
     values = TABLE_2 | {"tool.x": TABLE_2["tool.x"] + 1.0}
     (folder / "hit.yaml").write_text(json.dumps({"parameters": values}))
 
-    assert touchcal("health", "calibration.json", "--run", "--truth", "hit.yaml", "--json") == 1
-    told = json.loads(capsys.readouterr().out)
+    code, out, _ = touchcal("health", "calibration.json", "--run", "--truth", "hit.yaml", "--json")
+    assert code == 1
+    told = json.loads(out)
     assert (told["verdict"], told["cause"]) == ("broken", "tool")
     assert told["change"] == pytest.approx([1, 0, 0], abs=0.2)
     assert (folder / "health-touches-2.csv").exists()
-    assert touchcal("health", "calibration.json", "health-touches.csv") == 0
+    assert touchcal("health", "calibration.json", "health-touches.csv")[0] == 0
 
 
-def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, folder, capsys):
+def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, folder, touchcal):
     slipped = found.theta + changed(arc_welder, j3_theta=0.05 * DEG)
     touches = checked(arc_welder, plan, slipped, np.random.default_rng(1))
     (folder / "touches.csv").write_text(touches_text(touches, arc_welder.robot))
 
-    code = touchcal("health", "calibration.json", "touches.csv")
+    code, out, _ = touchcal("health", "calibration.json", "touches.csv")
 
-    out = capsys.readouterr().out
     assert code == 1
     assert re.search(r"drifted: zero of joint j3 by \+0.0[45]\d \+- 0.00\d deg", out)
     assert "more than 99 % sure" in out
@@ -257,12 +244,11 @@ def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, fol
     (["health", "calibration.json", "--alarm", "2"], "--alarm is 2, expected a probability such as 0.01"),
     (["health", "calibration.json", "-n", "5"], "5 touches are too few to judge a robot by; plan 6 at least"),
 ])  # fmt: skip
-def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, capsys):
+def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, touchcal):
     before = sorted(folder.rglob("*"))
 
-    code = touchcal(*arguments)
+    code, out, err = touchcal(*arguments)
 
-    out, err = capsys.readouterr()
     assert (code, out) == (2, "")
     assert sentence in err
     assert sorted(folder.rglob("*")) == before

@@ -6,20 +6,12 @@ import numpy as np
 import pytest
 from cells import PLACES, cell_of
 from identified import identified
-from measured import poses_over_jig, table_2, touches_at
+from measured import table_2
 from scipy.optimize import least_squares
 
-from identify.calibration import calibrate
 from identify.ladder import FRAMES, MODEL, TOOL, WAYS, ZEROS, ladder
 from identify.model.zone import zone_poses
 from identify.report.ways import ways
-
-
-@pytest.fixture(scope="module")
-def found(arc_welder):
-    rng = np.random.default_rng(5)
-    touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 60, rng), rng)
-    return calibrate(arc_welder, touches, folds=0)
 
 
 @pytest.fixture(scope="module")

@@ -7,15 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from identified import identified
-from measured import poses_over_jig, table_2, touches_at
+from measured import table_2
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from workpieces import latched, postures, touches_of
 
 import identify
-from identify.calibration import calibrate
 from identify.localization import locate, move_of
-from identify.model.description import library, read_jig
 from identify.model.files import InputError
 from identify.model.frames import inverse, pose, rotation, transform
 from identify.model.jig import Jig
@@ -26,18 +24,6 @@ TRIALS, ROBOTS = 500, 5  # each hidden pose is touched by five robots
 THREE_TWO_ONE = ["top"] * 3 + ["front"] * 2 + ["right"]
 SPREAD = [[0.1, 0.1], [0.9, 0.15], [0.5, 0.9], [0.5, 0.1], [0.5, 0.9], [0.5, 0.5]]  # front: u up, v along x
 SIX = THREE_TWO_ONE, SPREAD
-
-
-@pytest.fixture(scope="module")
-def box():
-    return read_jig(library("jigs")["cube"])
-
-
-@pytest.fixture(scope="module")
-def found(arc_welder):
-    rng = np.random.default_rng(5)
-    touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 100, rng), rng)
-    return calibrate(arc_welder, touches, folds=0)
 
 
 def hidden(found, rng):

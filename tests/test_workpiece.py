@@ -6,16 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identified import identified
-from measured import poses_over_jig, table_2, touches_at
+from measured import table_2
 
-from identify.calibration import calibrate
 from identify.localization import locate
 from identify.model.calibration import write_calibration
-from identify.model.description import library, read_cell, read_jig
+from identify.model.description import library, read_cell
 from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.touch import HIT
-from oed.cli import main
 from oed.offer import offer
 from oed.workpiece import _motions, _open, _promise, plan_workpiece, standing
 from probe.virtual.batch import touch_batch
@@ -24,18 +22,6 @@ from probe.virtual.truth import Truth
 COUNT = 2500
 KNOWN = ("--after", "calibration.json")
 AWAY = np.array([3, -2, 2, 0.005, -0.003, 0.004])  # [mm, rad] from where the workpiece is thought to stand
-
-
-@pytest.fixture(scope="module")
-def box():
-    return read_jig(library("jigs")["cube"])
-
-
-@pytest.fixture(scope="module")
-def found(arc_welder):
-    rng = np.random.default_rng(5)
-    touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 100, rng), rng)
-    return calibrate(arc_welder, touches, folds=0)
 
 
 @pytest.fixture(scope="module")
@@ -112,15 +98,10 @@ def folder(arc_welder, found, tmp_path, monkeypatch):
     return tmp_path
 
 
-def touchcal(*arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    return ended.value.code
-
-
-def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, capsys):
-    assert touchcal("plan", "--workpiece", "box.yaml", *KNOWN, "-n", "9", "-o", "plan.csv") == 0
-    assert "minimal:   6 touches" in capsys.readouterr().out
+def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, touchcal):
+    code, out, _ = touchcal("plan", "--workpiece", "box.yaml", *KNOWN, "-n", "9", "-o", "plan.csv")
+    assert code == 0
+    assert "minimal:   6 touches" in out
     cell = read_cell(folder / "plan-cell.yaml")
     hidden = cell.base + AWAY
     names = cell.robot.parameters
@@ -128,12 +109,11 @@ def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, capsys):
     values |= dict(zip(names[:6], hidden / [1, 1, 1, *[np.pi / 180] * 3], strict=True))
     (folder / "truth.yaml").write_text(json.dumps({"parameters": {k: float(v) for k, v in values.items()}}))
 
-    assert (
-        touchcal("run", "plan.csv", "--cell", "plan-cell.yaml", *KNOWN, "--truth", "truth.yaml", "-o", "box.csv") == 0
-    )
-    assert touchcal("locate", "calibration.json", "box.csv", "--workpiece", "box.yaml", "-o", "box.json") == 0
+    done = touchcal("run", "plan.csv", "--cell", "plan-cell.yaml", *KNOWN, "--truth", "truth.yaml", "-o", "box.csv")
+    assert done[0] == 0
+    code, out, _ = touchcal("locate", "calibration.json", "box.csv", "--workpiece", "box.yaml", "-o", "box.json")
 
-    out = capsys.readouterr().out
+    assert code == 0
     told = json.loads((folder / "box.json").read_text())
     off = [told["base_T_workpiece"][k] for k in ("x_mm", "y_mm", "z_mm")] - pose(inverse(transform(hidden)))[:3]
     assert (np.abs(off) < 4 * np.array([told["sigma"][k] for k in ("x_mm", "y_mm", "z_mm")])).all()
@@ -153,16 +133,15 @@ def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, capsys):
     (["plan", "--workpiece", "none.yaml"], "none.yaml: no such file"),
     (["plan", "--workpiece", "box.yaml", "--at", "here"], "--at is 'here', expected 6 numbers"),
 ])  # fmt: skip
-def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, capsys):
+def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, touchcal):
     joints = ",".join(f"q{i}_deg" for i in range(1, 7))
     (folder / "few.csv").write_text(f"id,face,{joints}\na,top,10,20,30,40,50,60\nb,front,11,22,30,40,50,60\n")
     (folder / "other.csv").write_text(f"id,face,{joints}\na,topp,10,20,30,40,50,60\n")
     (folder / "points.csv").write_text(f"id,{joints},x_mm,y_mm,z_mm\na,10,20,30,40,50,60,100,200,300\n")
     before = sorted(folder.rglob("*"))
 
-    code = touchcal(*arguments)
+    code, out, err = touchcal(*arguments)
 
-    out, err = capsys.readouterr()
     assert (code, out) == (2, "")
     assert sentence in err
     assert sorted(folder.rglob("*")) == before

@@ -6,6 +6,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from difflib import get_close_matches
+from itertools import takewhile
 from typing import TextIO
 
 from cyclopts import App, CycloptsError
@@ -35,20 +36,28 @@ BAD_INPUT, FAILED = 2, 1
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}  # full, or not to be written
 
 
-def application(chosen: str = "") -> App:
-    """The command line: the chosen command is explained by its docstring, the others by a line and not loaded."""
-    app = App(
-        name="touchcal",
-        help="Calibrate a welding robot with its own wire, a machined jig and a serial line.",
-        help_epilogue="" if chosen else "Start with: touchcal demo -o demo. More of a command: touchcal plan --help.",
-        version_flags=["--version"],
-        result_action="return_value",
-        help_formatter="plain",
-        help_format="markdown" if chosen else "plaintext",  # its renderer takes longer to load than all of the rest
-    )
-    for name, line in COMMANDS.items():
-        app.command(f"oed.cli.{name}:{name}", name=name, **({} if name == chosen else {"help": line}))
+def application() -> App:
+    """The command line; the modules of commands are loaded when they are called for."""
+    app = App(name="touchcal", help_flags=(), version=_version, result_action="return_value")
+    for name in COMMANDS:
+        app.command(f"oed.cli.{name}:{name}", name=name, help_flags=())
     return app
+
+
+def explain(name: str) -> int:
+    """Print the help of a command, or of all; a signature and a docstring tell it, so what works stays unloaded."""
+    from oed.cli.pages import overview, page
+    from oed.cli.unloaded import unloaded
+
+    with unloaded():
+        print(page(application()[name]) if name else overview(COMMANDS))
+    return 0
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("touchcal")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -58,8 +67,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # its threads cost more than matrices of 25 rows gain: a plan takes 36 s of processor time with two, 11 s with one
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        chosen = arguments[0] if arguments and arguments[0] in COMMANDS else ""
-        code = application(chosen)(arguments, exit_on_error=False, print_error=False)
+        asked = not arguments or not {"--help", "-h"}.isdisjoint(takewhile(lambda word: word != "--", arguments))
+        named = next((word for word in arguments if not word.startswith("-")), "")
+        if asked and named in ("", *COMMANDS):
+            code = explain(named)
+        else:
+            code = application()(arguments, exit_on_error=False, print_error=False)
         sys.stdout.flush()
     except CycloptsError as error:
         _say(f"{_sentence(error, arguments)}; see touchcal --help")

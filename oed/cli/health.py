@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.causes import looked_for
-from identify.health import ALARM, LEAST, TOUCH, Finding, Health, judge, noticed
+from identify.health import LEAST, TOUCH, Finding, Health, judge, noticed
 from identify.model.calibration import Calibration, read_calibration
 from identify.model.files import InputError, digest, write_text
 from identify.model.tables import plan_text, read_plan
@@ -26,7 +26,7 @@ def health(
     *touches: Path,
     run: Annotated[bool, Parameter(negative=())] = False,
     n: Annotated[int, Parameter(name=["-n", "--touches"])] = 12,
-    alarm: float = ALARM,
+    alarm: float = 0.01,
     cell: CellFile = Path("cell.yaml"),
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("health.csv"),
     port: str | None = None,
