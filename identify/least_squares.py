@@ -6,13 +6,12 @@ the same point, and they share what was computed there.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
-import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
-ITERATIONS = 200  # of Ipopt; a calibration takes 3 to 30
+from identify.least_squares_program import minimize
+
 UNNOTICED = 0.02  # of the objective, half a chi-square: the worst direction is right to a fifth of its deviation
 Part = tuple[slice, Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]
 
@@ -63,12 +62,10 @@ class Solution:
 
 @dataclass(eq=False)
 class Objective:
-    """Half the sum of losses of weight r(x), plus half of (x / prior)^2, scaled to unit curvature along each unknown.
+    """Half the sum of losses of weight r(x), plus half of (x / prior)^2.
 
     `linearize` gives residuals and their Jacobian, part by part so that memory stays bounded whatever the number of
-    rows; `weight` is one over sigma, a number a row. The unknowns that Ipopt sees are z = x * norm of their column, so
-    a gradient of 1e-4 is a ten-thousandth of a standard deviation where columns are independent; asked for much less,
-    the line search drowns in rounding.
+    rows; `weight` is one over sigma, a number a row.
     """
 
     linearize: Callable[[np.ndarray], Iterable[Part]]
@@ -82,7 +79,8 @@ class Objective:
 
     def reweigh(self, weight: Float[np.ndarray, " rows"], loss: str) -> None:
         """Change the weights of the rows and the loss."""
-        self.weight, self.loss, self._at = weight, loss, np.empty(0)
+        if loss != self.loss or not np.array_equal(weight, self.weight):
+            self.weight, self.loss, self._at = weight, loss, np.empty(0)
 
     def at(self, x: Float[np.ndarray, " unknowns"]) -> tuple[float, np.ndarray, np.ndarray]:
         """Value, gradient and Gauss-Newton Hessian."""
@@ -94,41 +92,22 @@ class Objective:
                 np.diag(precision),
             )
             for part, r, J in self.linearize(x):
-                w2 = self.weight[part] ** 2
-                value, slope, curve = LOSSES[self.loss](w2 * r * r)
+                w = self.weight[part]
+                value, slope, curve = LOSSES[self.loss]((w * r) ** 2)
+                A = J * (w * np.sqrt(curve))[:, None]  # A'A costs half of what a product of two matrices does
                 self._value += 0.5 * float(value.sum())
-                self._gradient = self._gradient + J.T @ (w2 * slope * r)
-                self._hessian = self._hessian + J.T @ (J * (w2 * curve)[:, None])
+                self._gradient = self._gradient + J.T @ (w * w * slope * r)
+                self._hessian = self._hessian + A.T @ A
             self._at = x.copy()
         return self._value, self._gradient, self._hessian
 
 
-class _Part(ca.Callback):
-    """One of the functions that Ipopt evaluates, with CasADi's names and shapes."""
-
-    def __init__(self, name: str, inputs: list[Any], output: Any, evaluate: Callable[[np.ndarray], list[Any]]) -> None:
-        super().__init__()
-        self._inputs, self._outputs, self._evaluate = inputs, output, evaluate
-        self.construct(name, {})
-
-    def get_n_in(self) -> int:
-        return len(self._inputs)
-
-    def get_n_out(self) -> int:
-        return len(self._outputs)
-
-    def get_sparsity_in(self, i: int) -> Any:
-        return self._inputs[i]
-
-    def get_sparsity_out(self, i: int) -> Any:
-        return self._outputs[i]
-
-    def eval(self, arguments: Any) -> list[Any]:
-        return self._evaluate(np.array(arguments[0].nonzeros()))
-
-
 class LeastSquares:
-    """An objective handed to Ipopt; built once, solved as often as weights, losses and starts change."""
+    """An objective handed to Ipopt; solved as often as weights, losses and starts change.
+
+    Ipopt sees combinations of the unknowns that are independent at the start, in units of their standard deviations: a
+    gradient of 1e-4 is a ten-thousandth of a deviation. Asked for much less, the line search drowns in rounding.
+    """
 
     def __init__(
         self,
@@ -142,58 +121,15 @@ class LeastSquares:
         self.lower = np.full(n, -np.inf) if lower is None else lower
         self.upper = np.full(n, np.inf) if upper is None else upper
         hessian = objective.at(start)[2]
-        self._unit = 1 / np.sqrt(np.diag(hessian))
-        self._solver = self._build(n)
-
-    def _build(self, n: int) -> ca.Function:
-        dense, none, one = ca.Sparsity.dense(n, 1), ca.Sparsity(0, 1), ca.Sparsity.dense(1, 1)
-        triangle = ca.Sparsity.upper(n)
-        rows, columns = np.array(triangle.row()), np.array(triangle.get_col())
-
-        def value(z: np.ndarray) -> list[Any]:
-            return [self.objective.at(z * self._unit)[0]]
-
-        def gradient(z: np.ndarray) -> list[Any]:
-            f, g, _ = self.objective.at(z * self._unit)
-            return [f, ca.DM(g * self._unit)]
-
-        def hessian(z: np.ndarray) -> list[Any]:
-            H = self.objective.at(z * self._unit)[2] * np.outer(self._unit, self._unit)
-            return [ca.DM(triangle, H[rows, columns])]
-
-        # CasADi keeps no reference of its own to Python callbacks
-        self._parts = (
-            _Part("nlp_f", [dense], [one], value),
-            _Part("nlp_grad_f", [dense, none], [one, dense], gradient),
-            _Part("nlp_hess_l", [dense, none, one, none], [triangle], hessian),
-        )
-        z = ca.MX.sym("z", n)
-        options: dict[str, Any] = {
-            "grad_f": self._parts[1],
-            "hess_lag": self._parts[2],
-            "print_time": False,
-            "error_on_fail": False,
-            "no_nlp_grad": True,
-            "ipopt": {
-                "print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-4, "dual_inf_tol": 1e-4,
-                # the extent of an upright flat wire end has a kink, at which steps shrink without end: see `_stalled`
-                "acceptable_iter": 5, "acceptable_tol": 1e9, "acceptable_dual_inf_tol": 1e9,
-                "acceptable_obj_change_tol": 1e-5, "watchdog_shortened_iter_trigger": 0,
-                "nlp_scaling_method": "none", "linear_solver": "mumps", "mu_strategy": "adaptive",
-            },
-        }  # fmt: skip
-        problem: dict[str, Any] = {"x": z, "f": self._parts[0](z)}
-        return ca.nlpsol("least_squares", "ipopt", problem, options)
+        self._basis = _whitener(hessian) if np.isinf([self.lower, self.upper]).all() else _scales(hessian)
 
     def solve(self, start: Float[np.ndarray, " unknowns"]) -> Solution:
         """Minimise from a start."""
         import time
 
         begin = time.perf_counter()
-        result = self._solver(x0=start / self._unit, lbx=self.lower / self._unit, ubx=self.upper / self._unit)
+        x, stats = minimize(self.objective.at, self._basis, start, self.lower, self.upper)
         seconds = time.perf_counter() - begin
-        stats = self._solver.stats()
-        x = np.array(result["x"]).ravel() * self._unit
         status = str(stats["return_status"])
         if status == "Solved_To_Acceptable_Level" and not self._stalled(x):
             status = "Stopped_Without_Progress"
@@ -204,3 +140,17 @@ class LeastSquares:
         value, gradient, hessian = self.objective.at(x)
         step = -np.linalg.solve(hessian, gradient)
         return all(self.objective.at(x + share * step)[0] > value - UNNOTICED for share in (1.0, 0.3, 0.1, 0.03, 0.01))
+
+
+def _scales(hessian: Float[np.ndarray, "unknowns unknowns"]) -> Float[np.ndarray, "unknowns unknowns"]:
+    """Unknowns in units of their standard deviations, the others being known."""
+    return np.diag(1 / np.sqrt(np.diag(hessian)))
+
+
+def _whitener(hessian: Float[np.ndarray, "unknowns unknowns"]) -> Float[np.ndarray, "unknowns unknowns"]:
+    """Combinations of unknowns whose deviations are one and independent: the upper T with T'HT = 1."""
+    scale = _scales(hessian)
+    try:
+        return scale @ np.linalg.inv(np.linalg.cholesky(scale @ hessian @ scale)).T
+    except np.linalg.LinAlgError:  # nothing sees some direction
+        return scale

@@ -1,6 +1,6 @@
 """The least squares problem of a cell and its touches: which parameters, what start, what agrees, how it is solved."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
 
@@ -67,6 +67,7 @@ class Problem:
     def __post_init__(self) -> None:
         self.model = measurement_model(self.cell.robot)
         self._residual_at = np.full(1, np.nan), np.empty(0)
+        self._linearized_at: tuple[np.ndarray, tuple[Part, ...]] = np.full(1, np.nan), ()
         self.kept = np.array(self.structure.kept, dtype=int)
         self.names = [self.structure.names[i] for i in self.kept]
         fitted = np.isinf(self.cell.prior[self.kept])
@@ -89,13 +90,21 @@ class Problem:
         theta[self.kept] += x
         return theta
 
-    def linearized(self, x: Float[np.ndarray, " kept"]) -> Iterator[Part]:
+    def linearized(self, x: Float[np.ndarray, " kept"]) -> Iterable[Part]:
         """Residuals and their Jacobian, part by part: memory stays bounded whatever the number of touches."""
-        theta = self.theta(x)
+        if len(self.rows) > PART:
+            return self._parts(x)
+        if not np.array_equal(x, self._linearized_at[0]):
+            self._linearized_at = x.copy(), tuple(self._parts(x))
+        return self._linearized_at[1]
+
+    def _parts(self, x: Float[np.ndarray, " kept"]) -> Iterator[Part]:
+        theta, whole, every = self.theta(x), len(self.rows) <= PART, len(self.kept) == len(self.start)
         for start in range(0, len(self.rows), PART):
             part = slice(start, min(start + PART, len(self.rows)))
-            r, J = self.model.linearize(theta, self.rows.take(np.arange(part.start, part.stop)))
-            yield part, r, J[:, self.kept]
+            rows = self.rows if whole else self.rows.take(np.arange(part.start, part.stop))
+            r, J = self.model.linearize(theta, rows)
+            yield part, r, J if every else J[:, self.kept]
 
     def residual(self, x: Float[np.ndarray, " kept"]) -> Float[np.ndarray, " rows"]:
         """What is left of every row [mm]."""

@@ -128,6 +128,22 @@ def test_a_linear_problem_with_priors_has_the_closed_form_answer(rng):
     np.testing.assert_allclose(solution.x, np.linalg.solve(A.T @ A + np.diag(prior**-2), A.T @ b), atol=1e-4)
 
 
+def test_a_problem_solved_while_another_is_being_solved_does_not_disturb_it(rng):
+    A, b, C, d = rng.normal(size=(9, 3)), rng.normal(size=9), rng.normal(size=(9, 3)), rng.normal(size=9)
+    inner = []
+
+    def linearize(x):
+        objective = Objective(lambda y: [(slice(None), C @ y - d, C)], np.full(3, np.inf), np.ones(9))
+        inner.append(LeastSquares(objective, np.zeros(3)).solve(np.zeros(3)).x)
+        return [(slice(None), A @ x - b, A)]
+
+    outer = LeastSquares(Objective(linearize, np.full(3, np.inf), np.ones(9)), np.zeros(3)).solve(np.zeros(3))
+
+    np.testing.assert_allclose(outer.x, np.linalg.lstsq(A, b)[0], atol=1e-6)
+    for x in inner:
+        np.testing.assert_allclose(x, np.linalg.lstsq(C, d)[0], atol=1e-6)
+
+
 @pytest.mark.parametrize("loss", ["huber", "cauchy"])
 def test_touches_that_are_5_mm_wrong_are_named_and_not_used(loss, arc_welder, poses, rng):
     truth = table_2(arc_welder)
@@ -248,7 +264,7 @@ def test_a_direction_that_the_touches_see_less_well_than_the_prior_is_called_wea
 
 
 def test_a_solver_that_does_not_converge_gives_no_numbers(arc_welder, poses, rng, monkeypatch):
-    monkeypatch.setattr("identify.least_squares.ITERATIONS", 1)
+    monkeypatch.setattr("identify.least_squares_program.ITERATIONS", 1)
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng)
 
     with pytest.raises(CalibrationFailed, match="Maximum_Iterations_Exceeded"):

@@ -58,8 +58,8 @@ def check(function, *arguments):
 def test_every_operation_is_that_of_casadi_to_the_last_digit(name, rng):
     function = ca.Function("f", [a, b, c], [ca.densify(ca.vertcat(*EXPRESSIONS[name]))])
     left, right = (
-        rng.uniform(-3, 3, (BLOCKS[0] + BLOCKS[1] + 7, 1)),
-        rng.uniform(0.1, 3, (BLOCKS[0] + BLOCKS[1] + 7, 1)),
+        rng.uniform(-3, 3, (sum(BLOCKS), 1)),
+        rng.uniform(0.1, 3, (sum(BLOCKS), 1)),
     )
     left[:3] = right[:3]  # equal values, for the choices
 
@@ -70,7 +70,7 @@ def test_every_operation_is_that_of_casadi_to_the_last_digit(name, rng):
 @pytest.mark.parametrize("errors", [(), tuple(ERROR_MODELS)])
 def test_robots_are_where_casadi_puts_them_to_the_last_digit(robot, errors, rng):
     cell = with_errors(cell_of(robot), errors)
-    m, joints = BLOCKS[0] + 7, len(cell.robot.joints)
+    m, joints = BLOCKS[-1] + 7, len(cell.robot.joints)
     theta = cell.theta + 0.01 * cell.scale * rng.normal(size=len(cell.theta))
     q = rng.uniform(cell.robot.lower, cell.robot.upper, (m, joints))
     kinematics, model = Kinematics(cell.robot), MeasurementModel(cell.robot)
@@ -92,7 +92,7 @@ def test_robots_are_where_casadi_puts_them_to_the_last_digit(robot, errors, rng)
         check(descent(cell.robot, rows).function, q, theta, rng.normal(size=(m, 3)), wanted, np.full((m, 1), 0.1))
 
 
-@pytest.mark.parametrize("count", [1, *BLOCKS, 2 * BLOCKS[1] + 1, 2 * BLOCKS[0] + 1])
+@pytest.mark.parametrize("count", [1, FEWEST, *BLOCKS, BLOCKS[0] + 1, 2 * BLOCKS[-1] + 1])
 def test_any_number_of_rows_fits(count, rng):
     x = rng.normal(size=(count, 1))
 

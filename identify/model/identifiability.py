@@ -115,22 +115,25 @@ def independent(
 ) -> tuple[list[int], dict[int, dict[int, float]]]:
     """Columns that no earlier one in `order` explains, and for each other its coefficients on them (rank-revealing QR).
 
-    Modified Gram-Schmidt with a second pass: the order is the reader's, so pivoting is not free to choose.
+    Modified Gram-Schmidt with a second pass: the order is the reader's, so pivoting is not free to choose. It works on
+    the triangle of A, whose columns have the lengths and angles of those of A.
     """
-    Q = np.empty((len(A), 0))
+    R = np.asarray(np.linalg.qr(A, mode="r"))
+    Q = np.empty((len(R), len(R)))
     kept: list[int] = []
     left: list[int] = []
-    largest = np.linalg.norm(A, axis=0).max(initial=0.0)
+    enough = tolerance * max(float(np.sqrt((R**2).sum(axis=0)).max(initial=0.0)), 1e-300)
     for i in order:
-        column = A[:, i]
-        rest = column - Q @ (Q.T @ column)
-        rest -= Q @ (Q.T @ rest)
-        if np.linalg.norm(rest) > tolerance * max(largest, 1e-300):
-            Q = np.column_stack([Q, rest / np.linalg.norm(rest)])
+        known, rest = Q[: len(kept)], R[:, i]
+        for _ in range(2):
+            rest = rest - (known @ rest) @ known
+        length = float(np.sqrt(rest @ rest))
+        if length > enough:
+            Q[len(kept)] = rest / length
             kept.append(i)
         else:
             left.append(i)
-    C = np.linalg.lstsq(A[:, kept], A[:, left], rcond=None)[0]
+    C = np.linalg.lstsq(R[:, kept], R[:, left], rcond=None)[0]
     return kept, {
         i: {k: float(c) for k, c in zip(kept, C[:, j], strict=True) if abs(c) > 1e-7} for j, i in enumerate(left)
     }

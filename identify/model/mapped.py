@@ -8,8 +8,8 @@ import numpy as np
 from identify.model.tape import columns
 
 CHUNK = 2048  # rows that CasADi's virtual machine walks in one call, so that memory stays bounded
-BLOCKS = 256, 64  # rows of the functions that work on whole columns; their values stay in the cache
-FEWEST = 12  # rows from which the smaller of them is faster than the virtual machine
+BLOCKS = 64, 128, 256  # rows of the functions that work on whole columns; their values stay in the cache
+FEWEST = 12  # rows from which the smallest of them is faster than the virtual machine
 WORTH = 2000  # rows after which the ten milliseconds that it takes to write these functions come back
 
 
@@ -54,9 +54,9 @@ class Mapped:
     def _in_blocks(self, rows: int, arguments: tuple[np.ndarray, ...], out: list[np.ndarray]) -> bool:
         """Fill `out` a block of rows at a time; False where the function cannot be written so."""
         shared = tuple(a.ndim < 2 for a in arguments)
-        start, (large, small) = 0, BLOCKS
+        start = 0
         while start < rows:
-            size = large if rows - start > 2 * small else small
+            size = next((size for size in BLOCKS if size >= rows - start), BLOCKS[-1])
             block = self._block(size, shared)
             if block is None:
                 return False
