@@ -124,7 +124,7 @@ def nominal_knowledge(cell: Cell) -> Knowledge:
     found = structure(cell)
     names = tuple(cell.robot.parameters[i] for i in found.kept)
     known = (cell.scale / cell.prior)[list(found.kept)]
-    return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(cell, found), np.diag(cell.spread**2))
+    return Knowledge(cell, cell.theta, names, np.diag(known**2), _spread(_handed(cell, found)), np.diag(cell.spread**2))
 
 
 def built_knowledge(cell: Cell) -> Knowledge:
@@ -138,8 +138,8 @@ def built_knowledge(cell: Cell) -> Knowledge:
     sign = np.sign(np.random.default_rng(BUILT).standard_normal(len(nominal.theta)))
     built = np.clip(nominal.theta + sign * np.sqrt(np.diag(nominal.deviation)), lower, upper)
     found = structure(cell, built)
-    names, spread = tuple(cell.robot.parameters[i] for i in found.kept), _spread(cell, found)
-    return replace(nominal, names=names, precision=np.linalg.inv(spread), spread=spread, built=built)
+    names, handed = tuple(cell.robot.parameters[i] for i in found.kept), _handed(cell, found)
+    return replace(nominal, names=names, precision=_precision(handed), spread=_spread(handed), built=built)
 
 
 def prior_knowledge(cell: Cell, calibration: Calibration) -> Knowledge:
@@ -151,15 +151,27 @@ def prior_knowledge(cell: Cell, calibration: Calibration) -> Knowledge:
     return replace(nominal, theta=calibration.theta, names=names, precision=kept, spread=kept)
 
 
-def _spread(cell: Cell, found: Identifiability) -> Float[np.ndarray, "kept kept"]:
-    """Covariance of the kept parameters, whitened, together with what eliminated ones hand over to them."""
+def _handed(cell: Cell, found: Identifiability) -> Float[np.ndarray, "kept eliminated"]:
+    """What eliminated parameters hand over to the kept ones that carry them, whitened."""
     place = {found.names[i]: row for row, i in enumerate(found.kept)}
     scale = dict(zip(found.names, cell.scale, strict=True))
     T = np.zeros((len(place), len(found.combinations)))
     for column, (name, terms) in enumerate(found.combinations.items()):
         for kept, coefficient in terms.items():
             T[place[kept], column] = coefficient * scale[name] / scale[kept]
-    return np.eye(len(place)) + T @ T.T
+    return T
+
+
+def _spread(T: Float[np.ndarray, "kept eliminated"]) -> Float[np.ndarray, "kept kept"]:
+    """Covariance of the kept parameters together with what is handed over to them."""
+    return np.eye(len(T)) + T @ T.T
+
+
+def _precision(T: Float[np.ndarray, "kept eliminated"]) -> Float[np.ndarray, "kept kept"]:
+    """Its inverse, exact even where nearly parallel axes hand over a million times what was known."""
+    U, s, _ = np.linalg.svd(T, full_matrices=False)
+    share = s / np.sqrt(1 + s**2)
+    return np.eye(len(T)) - (U * share) @ (U * share).T
 
 
 def knowledge_after(cell: Cell, calibration: Calibration) -> Knowledge:

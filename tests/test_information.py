@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.model.cell import Wire
+from identify.model.cell import Priors, Wire
 from identify.model.files import InputError
 from identify.model.measurement import measurement_model
 from identify.model.measurement import rows as measured_rows
 from identify.model.touch import Touches
-from oed.information import drawn, face_tolerance, knowledge_after, nominal_knowledge, touch_sigma
+from oed.information import built_knowledge, drawn, face_tolerance, knowledge_after, nominal_knowledge, touch_sigma
+from oed.relaxation import approximate_design
 
 ROBOTS = 4000
 
@@ -128,3 +129,16 @@ def test_tips_move_with_whitened_parameters_as_finite_differences_say(arc_welder
 
     before, after = (arc_welder.kinematics.tip(q, theta)[0] for theta in (arc_welder.theta, moved))
     assert tip == pytest.approx((after - before) / step, abs=1e-3)
+
+
+@pytest.mark.parametrize("off", [1.0, 0.2, 0.02])
+def test_what_is_known_of_a_robot_as_built_is_symmetric_however_nearly_parallel_its_axes_are(arc_welder, off):
+    cell = replace(arc_welder, priors=Priors((10 * off, 0.035 * off), (10 * off, 0.035 * off), (3 * off, 0.017 * off)))
+
+    known = built_knowledge(cell)
+
+    np.testing.assert_allclose(known.precision, known.precision.T, atol=1e-15)
+    np.testing.assert_allclose(
+        known.precision @ known.spread, np.eye(len(known.names)), atol=1e-15 * known.spread.max()
+    )
+    approximate_design(np.random.default_rng(0).standard_normal((300, len(known.names))), prior=known.precision)
