@@ -90,7 +90,7 @@ def zone_slices(zone: ZoneMap) -> str:
     """Predicted tip error over slices of the weld zone, with a scale."""
     top = float(np.nanmax(zone.error, initial=0.0)) or 1.0
     parts = [_slice(zone, k, top) for k in range(len(zone.z))]
-    return '<div class="row">' + "".join(parts) + _scale(top) + "</div>"
+    return '<div class="row maps">' + "".join(parts) + _scale(top) + "</div>"
 
 
 def _slice(zone: ZoneMap, k: int, top: float) -> str:

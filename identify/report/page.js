@@ -100,9 +100,22 @@
   controls.addEventListener("change", paint);
 
   data.touches.slice(0, 1).forEach((t) => t.nominal.forEach((p) => bounds.expandByPoint(vector(p))));
-  const middle = bounds.getCenter(new THREE.Vector3()), reach = Math.max(600, bounds.getSize(new THREE.Vector3()).length());
+  const middle = bounds.getCenter(new THREE.Vector3()), half = bounds.getSize(new THREE.Vector3()).multiplyScalar(0.5);
+  const back = new THREE.Vector3(0.75, -0.85, 0.6).normalize();
+  const right = new THREE.Vector3().crossVectors(camera.up, back).normalize(), up = new THREE.Vector3().crossVectors(back, right);
   controls.target.copy(middle);
-  camera.position.copy(middle).add(new THREE.Vector3(0.75, -0.85, 0.6).multiplyScalar(reach));
+  let moved = false;
+  controls.addEventListener("start", () => { moved = true; });
+  const frame = () => { // as near as all of it is seen, until the reader chooses
+    const tall = Math.tan(camera.fov * Math.PI / 360), corner = new THREE.Vector3();
+    let away = 300;
+    for (let i = 0; i < 8; i++) {
+      corner.set(i & 1 ? half.x : -half.x, i & 2 ? half.y : -half.y, i & 4 ? half.z : -half.z);
+      away = Math.max(away, corner.dot(back) + 1.08 * Math.max(Math.abs(corner.dot(right)) / camera.aspect, Math.abs(corner.dot(up))) / tall);
+    }
+    camera.position.copy(middle).addScaledVector(back, away);
+    controls.update();
+  };
   const resize = () => {
     const { clientWidth: w, clientHeight: h } = holder;
     if (!w || !h) return;
@@ -110,6 +123,7 @@
     renderer.setSize(w, h, false);
     camera.aspect = w / h;
     camera.updateProjectionMatrix();
+    if (!moved) frame();
     paint();
   };
   new ResizeObserver(resize).observe(holder);

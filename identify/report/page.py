@@ -36,8 +36,8 @@ def view(scene: dict[str, Any]) -> str:
         '<button id="back" type="button">back</button><button id="next" type="button">next</button>'
         f'<input id="step" type="range" min="0" max="{count - 1}" value="0" aria-label="touch">{boxes}</div>'
         '<p id="said" class="soft"></p>'
-        f'<p class="soft">Drag to orbit, scroll to zoom, buttons step through the touches{left}. '
-        "Green: the weld zone.</p>"
+        f'<p class="soft"><span class="screen">Drag to orbit, scroll to zoom, buttons step through the touches{left}. '
+        "</span>Green: the weld zone.</p>"
     )
 
 

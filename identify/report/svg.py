@@ -156,7 +156,7 @@ class Chart:
         """A dashed line across the chart, with its meaning."""
         place = float(self.py(np.array([y]))[0])
         self.parts.append(f'<line class="level" x1="{self.left}" x2="{self.right}" y1="{place:.1f}" y2="{place:.1f}"/>')
-        self.parts.append(f'<text x="{self.left + 4}" y="{place - 4:.1f}">{escape(text)}</text>')
+        self.parts.append(f'<text class="over" x="{self.left + 4}" y="{place - 4:.1f}">{escape(text)}</text>')
 
     def legend(self, entries: Sequence[tuple[str, str]]) -> None:
         """Colours and what they mean, above the chart."""
@@ -178,7 +178,7 @@ def picture(chart: Chart) -> str:
     title, high = escape(chart.title), chart.height + 22
     style = (
         "text { font: 11px system-ui, sans-serif; fill: #222 } .frame { fill: none; stroke: #888 } "
-        ".grid { stroke: #ddd } .level { stroke: #888; stroke-dasharray: 4 3 } .title { font-size: 12px }"
+        ".over { paint-order: stroke; stroke: #fff; stroke-width: 3px } .grid { stroke: #ddd } .level { stroke: #888; stroke-dasharray: 4 3 } .title { font-size: 12px }"
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {chart.width} {high}" width="{chart.width}" '
