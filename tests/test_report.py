@@ -158,6 +158,53 @@ def test_the_page_opens_without_errors_and_fits_the_window(width, browser, html,
     assert canvas_colours(browser) > 20
 
 
+PAPER = [(718, 1047), (740, 980)]  # [px] of A4 and letter within their margins
+
+
+@pytest.mark.parametrize("paper", PAPER, ids=["A4", "letter"])
+@pytest.mark.parametrize("page", ["report", "plan"])
+def test_on_paper_nothing_is_cut_and_nothing_asks_for_a_mouse(paper, page, browser, html, plan_html, tmp_path):
+    wide, high = paper
+    opened(browser, html if page == "report" else plan_html, tmp_path, 1400)
+    screen = {"width": wide, "height": high, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+
+    try:
+        beyond = browser.execute_script(
+            "const wide = e => e.clientWidth && e.scrollWidth > e.clientWidth + 1;"
+            "return [...document.querySelectorAll('.wide, figure, svg, table, p')].filter("
+            "e => wide(e) || e.getBoundingClientRect().right > innerWidth + 1).map(e => e.outerHTML)"
+        )
+        tall = browser.execute_script(
+            "return [...document.querySelectorAll('figure, .maps, #view')].map(e => e.getBoundingClientRect().height)"
+        )
+        said = browser.execute_script("return document.body.innerText")
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+    assert beyond == []
+    assert max(tall) < 0.6 * high
+    assert "Drag to orbit" not in said
+    assert not re.search(r"^(back|next)$", said, flags=re.M)
+
+
+def test_the_whole_scene_is_in_the_frame_whatever_its_shape(browser, html, tmp_path):
+    for width in (360, 1400):
+        opened(browser, html, tmp_path, width)
+
+        edge = browser.execute_script(
+            "const c = document.querySelector('#view canvas'), d = document.createElement('canvas');"
+            "d.width = c.width; d.height = c.height; const x = d.getContext('2d'); x.drawImage(c, 0, 0);"
+            "const dark = (...at) => [...x.getImageData(...at).data].filter((p, i) => i % 4 == 0 && p < 120).length;"
+            "return dark(0, 0, c.width, 3) + dark(0, c.height - 3, c.width, 3)"
+            " + dark(0, 0, 3, c.height) + dark(c.width - 3, 0, 3, c.height);"
+        )
+
+        assert edge == 0, f"{width} px: robot, jig or zone reach beyond the frame"
+
+
 def test_the_view_steps_and_orbits(browser, html, tmp_path):
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.by import By

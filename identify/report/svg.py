@@ -178,7 +178,8 @@ def picture(chart: Chart) -> str:
     title, high = escape(chart.title), chart.height + 22
     style = (
         "text { font: 11px system-ui, sans-serif; fill: #222 } .frame { fill: none; stroke: #888 } "
-        ".over { paint-order: stroke; stroke: #fff; stroke-width: 3px } .grid { stroke: #ddd } .level { stroke: #888; stroke-dasharray: 4 3 } .title { font-size: 12px }"
+        ".over { paint-order: stroke; stroke: #fff; stroke-width: 3px } .grid { stroke: #ddd } "
+        ".level { stroke: #888; stroke-dasharray: 4 3 } .title { font-size: 12px }"
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {chart.width} {high}" width="{chart.width}" '
