@@ -62,15 +62,23 @@ def sensitivities(
 
 def whitener(M: Float[np.ndarray, "parameters parameters"]) -> Float[np.ndarray, "parameters parameters"]:
     """T with T' M T = 1, so that rows @ T have unit information; says so when M does not determine every parameter."""
-    size = np.sqrt(np.diag(M))
-    unseen = np.flatnonzero(size == 0)
-    scale = 1 / np.where(size == 0, 1, size)
-    eigenvalues, V = np.linalg.eigh(M * scale * scale[:, None])
-    rank = int((eigenvalues > RANK_TOLERANCE * eigenvalues[-1]).sum())
+    T, _ = seen(M)
+    rank, empty = T.shape[1], np.flatnonzero(np.diag(M) == 0)
     if rank < len(M):
-        where = f" (parameter {unseen[0]} is in no row)" if len(unseen) else ""
+        where = f" (parameter {empty[0]} is in no row)" if len(empty) else ""
         raise ValueError(
             f"rows: they determine {rank} of {len(M)} parameters{where}; eliminate what cannot be seen, add candidates "
             "of another kind, or give a prior"
         )
-    return scale[:, None] * V / np.sqrt(eigenvalues)
+    return T
+
+
+def seen(
+    M: Float[np.ndarray, "parameters parameters"],
+) -> tuple[Float[np.ndarray, "parameters seen"], Float[np.ndarray, "parameters unseen"]]:
+    """T with T' M T = 1 and as many columns as M has rank, and directions along which M tells nothing."""
+    size = np.sqrt(np.diag(M))
+    scale = 1 / np.where(size == 0, 1, size)
+    eigenvalues, V = np.linalg.eigh(M * scale * scale[:, None])
+    kept = eigenvalues > RANK_TOLERANCE * eigenvalues[-1]
+    return scale[:, None] * V[:, kept] / np.sqrt(eigenvalues[kept]), scale[:, None] * V[:, ~kept]

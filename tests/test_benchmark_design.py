@@ -92,6 +92,19 @@ def test_cost_grows_in_proportion_to_the_candidates(benchmark, count):
     assert design.efficiency > 0.9
 
 
+@CPU
+@pytest.mark.parametrize("count", [20_000, 200_000, 1_000_000])
+def test_near_copies_cost_no_more_than_other_candidates(benchmark, count):
+    rng = np.random.default_rng(0)
+    rows = np.repeat(rng.normal(size=(20_000, 25)), count // 20_000, axis=0)
+    rows *= 1 + 1e-3 * rng.standard_normal(rows.shape)
+
+    design = benchmark.pedantic(lambda: approximate_design(rows), rounds=1)
+
+    benchmark.extra_info["rounds"] = design.rounds
+    assert design.gap <= 1e-6
+
+
 @LINUX
 @pytest.mark.parametrize("count", [10_000, 100_000, 1_000_000])
 def test_memory_grows_in_proportion_to_the_candidates(benchmark, count):
