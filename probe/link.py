@@ -6,14 +6,13 @@ import secrets
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TypeVar
 
 from probe.clock import Clock
 from probe.controller import LinkLost, Rebooted, Refused
 from probe.framing import Lines, seal, unseal
+from probe.patience import T, patiently
 from probe.transcript import Transport
 
-T = TypeVar("T")
 LAST_NUMBER = 65535
 GREETING = re.compile(r"0 OK TOUCH/1 boot=(\S+) joints=(\d+) last=(\d+) nonce=(\S+)")
 STATUS = re.compile(r"! ST boot=(\S+) (RUN|IDLE) seq=(\d+) probe=([01]) q=(\S+)")
@@ -162,14 +161,7 @@ class Link:
 
     def patiently(self, call: Callable[[], T]) -> T:
         """Call, and where the line is silent or gone open it anew and call again; raises LinkLost in the end."""
-        deadline = self.clock.now() + self.timing.patience
-        while True:
-            try:
-                return call()
-            except LinkLost:
-                if self.clock.now() > deadline:
-                    raise
-            self._reopen()
+        return patiently(call, self._reopen, self.clock, self.timing.patience)
 
     def _settle(self, request: bytes = b"! HB\n") -> None:
         """Wait until the robot stands still, then count as the controller counts."""

@@ -2,6 +2,7 @@
 
 import os
 import pty
+import signal
 import threading
 import time
 import tty
@@ -11,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import settings
+from linuxcncrsh_fake import FakeLinuxCNC
 from measured import poses_over_jig, table_2, touches_at
+from touching import Ticks
 
 from identify.calibration import calibrate
 from identify.model.calibration import Calibration
@@ -19,12 +22,28 @@ from identify.model.cell import Cell
 from identify.model.description import library, read_cell, read_jig
 from identify.model.jig import Jig
 from oed.cli import main
+from probe.controllers.linuxcnc import LinuxCNC
 
 # the same examples on every run, and no deadline: this machine may be busy
 settings.register_profile("touchcal", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("touchcal")
 
+# a shell's background jobs, and the programs that they start, are not stopped by Ctrl-C; tests start some to stop them
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# threads cost more than small matrices gain, and workers wait for each other's; theirs begin with this environment
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 SHARED = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
+    """Tests that share what their module makes run on one worker, so that it is made once (`--dist loadgroup`)."""
+    for item in items:
+        shared = any(made[-1].scope == "module" for made in item._fixtureinfo.name2fixturedefs.values())
+        if shared and not item.get_closest_marker("xdist_group"):
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
 @pytest.fixture
@@ -77,6 +96,20 @@ def touchcal(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str
         return stop.value.code, said.out, said.err
 
     return run
+
+
+@pytest.fixture
+def linuxcnc() -> FakeLinuxCNC:
+    """A stand-in for LinuxCNC that fails to order."""
+    return FakeLinuxCNC(Ticks())
+
+
+@pytest.fixture
+def controller(linuxcnc: FakeLinuxCNC, arc_welder: Cell) -> LinuxCNC:
+    """The backend, in control of that."""
+    made = LinuxCNC(linuxcnc, arc_welder.robot, linuxcnc.clock)
+    made.connect()
+    return made
 
 
 @pytest.fixture

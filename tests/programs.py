@@ -24,6 +24,14 @@ joints = st.tuples(*(st.floats(lo, hi) for lo, hi in zip(LOW, HIGH, strict=True)
 )
 
 
+@st.composite
+def wounded(draw: st.DrawFn, text: str, words: list[str]) -> str:
+    """A program of which up to nine characters are gone, and a word may stand in their place."""
+    a = draw(st.integers(0, len(text)))
+    b = draw(st.integers(a, min(len(text), a + 9)))
+    return text[:a] + draw(st.sampled_from(["", *words])) + text[b:]
+
+
 @dataclass(frozen=True)
 class Sides:
     """On which side of the arm the wrist stands, from the drawing of the arm."""

@@ -5,30 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from linuxcncrsh_fake import NEVER_RAN, FakeLinuxCNC, fed
-from touching import Ticks
+from linuxcncrsh_fake import NEVER_RAN, fed
 
-from identify.model.cell import Cell
 from probe.controller import Contact, NoContact, Refused
-from probe.controllers.linuxcnc import LinuxCNC
 from probe.controllers.linuxcnc_mdi import AXES, motion_words
 from probe.controllers.linuxcncrsh import Shell
 
 RATE = np.radians(10.0)
 TARGET = np.radians([10.0, -5.0, 3.0, 20.0, 0.0, -2.0])
 joints = arrays(float, 6, elements=st.floats(-180, 180))
-
-
-@pytest.fixture
-def linuxcnc() -> FakeLinuxCNC:
-    return FakeLinuxCNC(Ticks())
-
-
-@pytest.fixture
-def controller(linuxcnc: FakeLinuxCNC, arc_welder: Cell) -> LinuxCNC:
-    made = LinuxCNC(linuxcnc, arc_welder.robot, linuxcnc.clock)
-    made.connect()
-    return made
 
 
 # motions

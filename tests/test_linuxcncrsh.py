@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from linuxcncrsh_fake import NEVER_RAN, FakeLinuxCNC
-from touching import Ticks
 
 from identify.model.cell import Cell
 from probe.controller import Contact, LinkLost, Rebooted, Refused, TouchError
@@ -11,18 +10,6 @@ from probe.controllers.linuxcnc import LinuxCNC
 
 RATE = np.radians(10.0)
 TARGET = np.radians([10.0, -5.0, 3.0, 20.0, 0.0, -2.0])
-
-
-@pytest.fixture
-def linuxcnc() -> FakeLinuxCNC:
-    return FakeLinuxCNC(Ticks())
-
-
-@pytest.fixture
-def controller(linuxcnc: FakeLinuxCNC, arc_welder: Cell) -> LinuxCNC:
-    made = LinuxCNC(linuxcnc, arc_welder.robot, linuxcnc.clock)
-    made.connect()
-    return made
 
 
 # the line

@@ -2,15 +2,15 @@
 
 import secrets
 from collections.abc import Callable, Iterator
-from typing import NoReturn, TypeVar
+from typing import NoReturn
 
 from probe.clock import Clock
 from probe.controller import LinkLost, Rebooted, Refused
 from probe.controllers.grbl_words import Report, numbers, read_report, refusal
 from probe.framing import Lines
+from probe.patience import T, patiently
 from probe.transcript import Transport
 
-T = TypeVar("T")
 LONGEST = 500  # [bytes] of a line of GRBL
 HIGHEST_TOOL = 255  # of GRBL 1.1
 RESET = b"\x18"
@@ -159,20 +159,16 @@ class GrblLink:
 
     def patiently(self, call: Callable[[], T]) -> T:
         """Call, and where the line is silent or gone open it anew and call again; raises LinkLost in the end."""
-        deadline = self.clock.now() + self.patience
-        while True:
-            try:
-                return call()
-            except LinkLost:
-                if self.clock.now() > deadline:
-                    raise
-            self._lines = Lines(LONGEST)
-            try:
-                self.transport.reopen()
-                self.settle(self.patience)
-                self.same_boot()
-            except LinkLost:
-                self.clock.sleep(self.poll)
+        return patiently(call, self._reopen, self.clock, self.patience)
+
+    def _reopen(self) -> None:
+        self._lines = Lines(LONGEST)
+        try:
+            self.transport.reopen()
+            self.settle(self.patience)
+            self.same_boot()
+        except LinkLost:
+            self.clock.sleep(self.poll)
 
     def _keep_boot(self) -> None:
         if self.boot.startswith("T"):

@@ -7,7 +7,6 @@ that starts a search also spoils #5070, so that a search that never ran cannot p
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -19,9 +18,9 @@ from probe.controllers.linuxcnc_machine import Machine
 from probe.controllers.linuxcnc_mdi import AXES, LAST, SEARCH, SLOWEST, TRIPPED, Report, code_of, motion_words
 from probe.controllers.linuxcncrsh import Shell
 from probe.link import following
+from probe.patience import T, patiently
 from probe.transcript import Transport
 
-T = TypeVar("T")
 ARRIVED = 2 * SLOWEST  # [deg] or [mm]
 PATIENCE = 20.0  # [s] before a controller that does not answer is given up
 REOPENED = 0.3  # [s] between two attempts to open a port that is gone
@@ -222,18 +221,14 @@ class LinuxCNC:
 
     def _patiently(self, call: Callable[[], T]) -> T:
         """Call, and where the line is gone open it anew and call again; raises LinkLost in the end."""
-        deadline = self._clock.now() + PATIENCE
-        while True:
-            try:
-                return call()
-            except LinkLost:
-                if self._clock.now() > deadline:
-                    raise
-            self._counted = False
-            try:
-                self._shell.reopen()
-            except LinkLost:
-                self._clock.sleep(REOPENED)
+        return patiently(call, self._reopen, self._clock, PATIENCE)
+
+    def _reopen(self) -> None:
+        self._counted = False
+        try:
+            self._shell.reopen()
+        except LinkLost:
+            self._clock.sleep(REOPENED)
 
     def _rebooted(self) -> Rebooted:
         return Rebooted(
