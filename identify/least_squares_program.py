@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 ITERATIONS = 200  # of Ipopt; a calibration takes 3 to 30
 OPTIONS = {
-    "print_level": 0, "sb": "yes", "tol": 1e-4, "dual_inf_tol": 1e-4,
+    "print_level": 0, "sb": "yes",
     # the extent of an upright flat wire end has a kink, at which steps shrink without end: `LeastSquares` looks
     # whether that is so
     "acceptable_iter": 5, "acceptable_tol": 1e9, "acceptable_dual_inf_tol": 1e9, "acceptable_obj_change_tol": 1e-5,
@@ -22,19 +22,21 @@ OPTIONS = {
     "mu_strategy": "adaptive",
 }  # fmt: skip
 Values = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
-_idle: dict[tuple[int, int], list["Program"]] = defaultdict(list)
+_idle: dict[tuple[int, float, int], list["Program"]] = defaultdict(list)
 
 
 def minimize(
     at: Values, basis: Float[np.ndarray, "n n"], start: Float[np.ndarray, " n"],
-    lower: Float[np.ndarray, " n"], upper: Float[np.ndarray, " n"],
+    lower: Float[np.ndarray, " n"], upper: Float[np.ndarray, " n"], tolerance: float,
 ) -> tuple[Float[np.ndarray, " n"], dict[str, Any]]:  # fmt: skip
     """The minimum of what `at` gives value, gradient and Hessian of, between bounds; and Ipopt's statistics.
 
-    Ipopt sees the coordinates z of x = basis z. The basis is upper triangular; diagonal, where there are bounds.
+    Ipopt sees the coordinates z of x = basis z, and stops where no element of the gradient by them exceeds the
+    tolerance. The basis is upper triangular; diagonal, where there are bounds.
     """
-    idle = _idle[len(start), ITERATIONS]
-    program = idle.pop() if idle else Program(len(start), ITERATIONS)
+    made = len(start), tolerance, ITERATIONS
+    idle = _idle[made]
+    program = idle.pop() if idle else Program(*made)
     try:
         return program.minimize(at, basis, start, lower, upper)
     finally:
@@ -44,7 +46,7 @@ def minimize(
 class Program:
     """An NLP of so many unknowns whose functions are those of the problem that it has."""
 
-    def __init__(self, n: int, iterations: int) -> None:
+    def __init__(self, n: int, tolerance: float, iterations: int) -> None:
         dense, none, one = ca.Sparsity.dense(n, 1), ca.Sparsity(0, 1), ca.Sparsity.dense(1, 1)
         triangle = ca.Sparsity.upper(n)
         self._at: Values | None = None
@@ -63,7 +65,7 @@ class Program:
             "print_time": False,
             "error_on_fail": False,
             "no_nlp_grad": True,
-            "ipopt": {**OPTIONS, "max_iter": iterations},
+            "ipopt": {**OPTIONS, "tol": tolerance, "dual_inf_tol": tolerance, "max_iter": iterations},
         }
         problem: dict[str, Any] = {"x": z, "f": self._parts[0](z)}
         self._solver = ca.nlpsol("least_squares", "ipopt", problem, options)

@@ -16,6 +16,7 @@ from identify.starting import starting_point
 
 PART = 8192  # rows handled at a time
 FALSE_ALARM = 0.01  # chance that one of all good touches is called an outlier
+SURE = 0.98  # of the limit of an outlier: closer to it a robust fit decides
 
 
 class CalibrationFailed(RuntimeError):
@@ -175,19 +176,24 @@ class Problem:
         """Least squares on the touches that agree: a robust fit finds those that do not, and they are left out."""
         weight, used = 1 / self.rows.sigma, np.ones(len(self.rows), dtype=bool)
         x = np.zeros(len(self.kept)) if start is None else (start - self.start)[self.kept]
-        solutions = [self._first(x, weight)]
-        for _ in range(6 if self.loss != "linear" else 0):
-            scale = self._scale(solutions[-1].x, used)
-            solutions.append(self.solve(solutions[-1].x, weight / scale, self.loss))
-            agreeing = self._agreeing(solutions[-1].x, weight / self._scale(solutions[-1].x, used))
-            if np.array_equal(agreeing, used):
-                break
-            used = agreeing
+        solutions, weighed = [self._first(x, weight)], weight
+        if self.loss != "linear" and not self._unanimous(solutions[-1].x, weight):
+            for _ in range(6):
+                scale = self._scale(solutions[-1].x, used)
+                solutions.append(self.solve(solutions[-1].x, weight / scale, self.loss))
+                agreeing = self._agreeing(solutions[-1].x, weight / self._scale(solutions[-1].x, used))
+                weighed = np.zeros_like(weight)  # by no plain fit
+                if np.array_equal(agreeing, used):
+                    break
+                used = agreeing
         for _ in range(2):  # the scatter sets how much the priors weigh, and the priors change the scatter a little
-            scale = self._deviation(solutions[-1].x, used)
-            solutions.append(self.solve(solutions[-1].x, weight * used / max(scale, 1.0), "linear"))
+            final = weight * used / max(self._deviation(solutions[-1].x, used), 1.0)
+            if np.array_equal(final, weighed):
+                break
+            solutions.append(self.solve(solutions[-1].x, final, "linear"))
+            weighed = final
         iterations, seconds = sum(s.iterations for s in solutions), sum(s.seconds for s in solutions)
-        return Estimate(solutions[-1].x, used, weight * used / max(scale, 1.0), iterations, seconds)
+        return Estimate(solutions[-1].x, used, weighed, iterations, seconds)
 
     def _first(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Solution:
         """Plain least squares; where touches far from all others keep these from an end, the robust loss at once."""
@@ -198,24 +204,55 @@ class Problem:
                 raise
             return self.solve(x, weight, self.loss)
 
-    def _scale(self, x: Float[np.ndarray, " kept"], used: Bool[np.ndarray, " rows"]) -> float:
+    def _unanimous(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> bool:
+        """Whether a robust fit of the equations as they are near a plain one, linear, clearly leaves nothing out.
+
+        Then the robust fit of the equations themselves need not be made.
+        """
+        if len(self.rows) > PART:
+            return False
+        ((part, r, J),) = self.linearized(x)
+        everyone = np.ones(len(r), dtype=bool)
+        flat = Objective(
+            lambda y: [(part, r + J @ (y - x), J)], self.prior, weight / self._scale(x, everyone), self.loss
+        )
+        y = LeastSquares(flat, x).near(x)
+        if y is None:
+            return False
+        left = r + J @ (y - x)
+        return bool((self._sizes(x, weight / self._scale(x, everyone, left), left) <= SURE * self._limit).all())
+
+    def _scale(
+        self, x: Float[np.ndarray, " kept"], used: Bool[np.ndarray, " rows"],
+        residual: Float[np.ndarray, " rows"] | None = None,
+    ) -> float:  # fmt: skip
         """Robust scatter in units of sigma, at least 1: the median absolute residual, corrected for the parameters."""
-        r = (self.residual(x) / self.rows.sigma)[used]
+        r = ((self.residual(x) if residual is None else residual) / self.rows.sigma)[used]
         freedom = max(self.freedom(x, used / self.rows.sigma), 1)
-        return max(1.0, 1.4826 * float(np.quantile(np.abs(r), 0.5)) * np.sqrt(len(r) / freedom))
+        return max(1.0, 1.4826 * float(np.median(np.abs(r))) * np.sqrt(len(r) / freedom))
 
     def _agreeing(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Rows of touches whose residual is within what chance makes of a good touch, leverage considered."""
+        return (self._sizes(x, weight) <= self._limit)[self.rows.owner]
+
+    @property
+    def _limit(self) -> float:
+        return NormalDist().inv_cdf(1 - FALSE_ALARM / (2 * len(self.rows)))
+
+    def _sizes(
+        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"],
+        residual: Float[np.ndarray, " rows"] | None = None,
+    ) -> Float[np.ndarray, " measured"]:  # fmt: skip
+        """The largest residual of each touch in units of what chance makes of a good one, leverage considered."""
         L = np.linalg.cholesky(self.precision(x, weight))
         size = np.empty(len(self.rows))
         for part, r, J in self.linearized(x):
             w = weight[part]
             leverage = (np.linalg.solve(L, J.T * w) ** 2).sum(axis=0)
-            size[part] = np.abs(r) * w / np.sqrt(np.clip(1 - leverage, 0.05, 1))
-        limit = NormalDist().inv_cdf(1 - FALSE_ALARM / (2 * len(size)))
+            size[part] = np.abs(r if residual is None else residual[part]) * w / np.sqrt(np.clip(1 - leverage, 0.05, 1))
         worst = np.zeros(len(self.rows.ids))
         np.maximum.at(worst, self.rows.owner, size)
-        return (worst <= limit)[self.rows.owner]
+        return worst
 
     def _deviation(self, x: Float[np.ndarray, " kept"], used: Bool[np.ndarray, " rows"]) -> float:
         """Root of chi-square a degree of freedom, in units of sigma."""

@@ -12,6 +12,7 @@ from identify.model.calibration import calibration_entry, read_calibration, writ
 from identify.model.files import InputError
 from identify.model.identifiability import structure
 from identify.model.measurement import measurement_model, rows
+from identify.problem import Problem
 
 SIGMA = 0.05  # [mm]
 
@@ -167,6 +168,26 @@ def test_good_touches_are_rarely_called_outliers(arc_welder, poses):
         named += len(calibrate(arc_welder, touches, folds=0).outliers)
 
     assert named <= 4  # of 1600 good touches
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.2, 5.0])
+@pytest.mark.parametrize("eliminate", [True, False])
+def test_who_agrees_is_the_same_whether_the_robust_fit_is_made_or_seen_to_change_nothing(
+    wrong, eliminate, arc_welder, poses, monkeypatch
+):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng, SIGMA)
+        touches = replace(touches, offset=touches.offset + wrong * (np.arange(100) % 20 == 7))
+
+        quick = calibrate(arc_welder, touches, eliminate=eliminate, folds=0)
+        with monkeypatch.context() as patch:
+            patch.setattr(Problem, "_unanimous", lambda *_: False)
+            slow = calibrate(arc_welder, touches, eliminate=eliminate, folds=0)
+
+        deviation = np.sqrt(np.diag(slow.covariance))
+        assert set(quick.outliers) == set(slow.outliers)
+        np.testing.assert_allclose((quick.theta - slow.theta)[slow.index] / deviation, 0, atol=0.01)
 
 
 def test_tight_priors_hold_parameters_where_they_are(arc_welder, poses, rng):

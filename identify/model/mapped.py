@@ -31,13 +31,11 @@ class Mapped:
         A vector output comes as (rows, size), a scalar as (rows,), a matrix as (rows, height, width).
         """
         rows = self._rows(arguments)
-        out = [np.empty((rows, width, height)) for height, width in self.shapes]
+        out = [np.empty((width * height, rows)) for height, width in self.shapes]
         self._done += rows
         if rows < FEWEST or self._done < WORTH or not self._in_blocks(rows, arguments, out):
-            for start in range(0, rows, CHUNK):
-                part = slice(start, min(start + CHUNK, rows))
-                self._walk([a if a.ndim < 2 else a[part] for a in arguments], [o[part] for o in out])
-        return tuple(_squeezed(o) for o in out)
+            self._row_by_row(rows, arguments, out)
+        return tuple(_shaped(o, *shape) for o, shape in zip(out, self.shapes, strict=True))
 
     def _rows(self, arguments: tuple[np.ndarray, ...]) -> int:
         name = self.function.name()
@@ -65,8 +63,8 @@ class Mapped:
             given = [_whole(a if one else _padded(a[part], size)) for a, one in zip(arguments, shared, strict=True)]
             found = [np.empty((width * height, size)) for height, width in self.shapes]
             _evaluate(block, given, found)
-            for o, columns_found in zip(out, found, strict=True):
-                o.reshape(rows, -1)[part] = columns_found[:, : part.stop - start].T
+            for o, of_block in zip(out, found, strict=True):
+                o[:, part] = of_block[:, : part.stop - start]
             start = part.stop
         return True
 
@@ -75,13 +73,18 @@ class Mapped:
             self._blocks[size, shared] = columns(self.function, shared, size)
         return self._blocks[size, shared]
 
-    def _walk(self, arguments: list[np.ndarray], out: list[np.ndarray]) -> None:
-        """Fill `out` by CasADi's virtual machine, row by row."""
-        size = len(out[0])
-        if size not in self._maps:
-            self._maps[size] = self.function.map(size)
-        given = [_whole(np.broadcast_to(a, (size, a.shape[-1]))) for a in arguments]
-        _evaluate(self._maps[size], given, out)
+    def _row_by_row(self, rows: int, arguments: tuple[np.ndarray, ...], out: list[np.ndarray]) -> None:
+        """Fill `out` by CasADi's virtual machine."""
+        for start in range(0, rows, CHUNK):
+            part = slice(start, min(start + CHUNK, rows))
+            size = part.stop - start
+            if size not in self._maps:
+                self._maps[size] = self.function.map(size)
+            given = [_whole(np.broadcast_to(a if a.ndim < 2 else a[part], (size, a.shape[-1]))) for a in arguments]
+            found = [np.empty((size, len(o))) for o in out]
+            _evaluate(self._maps[size], given, found)
+            for o, of_rows in zip(out, found, strict=True):
+                o[:, part] = of_rows.T
 
 
 def _whole(a: np.ndarray) -> np.ndarray:
@@ -109,12 +112,11 @@ def _evaluate(function: ca.Function, arguments: list[np.ndarray], out: list[np.n
         raise ArithmeticError(f"{function.name()}: evaluation failed with status {buffer.ret()}")
 
 
-def _squeezed(out: np.ndarray) -> np.ndarray:
-    """CasADi stores columns first: (rows, width, height) in memory is (rows, height, width) to the reader."""
-    _, width, height = out.shape
+def _shaped(out: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Elements, columns of a matrix one after the other, a row each, as the reader wants them: rows first."""
     if width == 1:
-        return out[:, 0, 0] if height == 1 else out[:, 0, :]
-    return out[:, :, 0] if height == 1 else out.transpose(0, 2, 1)
+        return out[0] if height == 1 else out.T
+    return np.ascontiguousarray(out.T).reshape(-1, width, height).transpose(0, 2, 1)
 
 
 def compiled(name: str, inputs: dict[str, Any], outputs: dict[str, Any]) -> Mapped:
