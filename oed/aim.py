@@ -35,3 +35,8 @@ class Aim:
             return np.log(plus)
         less = ((rows @ self.weight(C)) * rows).sum(axis=1) / plus
         return -np.log1p(-less / np.trace(self.B @ C))
+
+
+def mean_square(tip: Float[np.ndarray, "poses 3 kept"]) -> Float[np.ndarray, "kept kept"]:
+    """B with which tr(B C) is the mean tip variance."""
+    return np.einsum("pik,pil->kl", tip, tip, optimize=True) / len(tip)

@@ -6,13 +6,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from oed.aim import Aim
+from oed.criteria import CRITERIA
+from oed.exchange import exact_design, swaps_of
 from oed.offer import Offer
-from oed.passes import swapped
+from oed.population import Pool
+from oed.refinement import APART
+from oed.relaxation import ApproximateDesign, approximate_design
+from oed.robust import RobustSwaps
+from oed.rules import Rules
 from oed.sequence import Order
 from oed.ways import COARSE, astray, like
 
-POOL = 2500  # touches that an exchange looks at
+GAP = 3e-3  # of the relaxation: its bound holds at any gap
+FEW = 6  # local searches, where touches are chosen again and again
+POOL = 1500  # touches that an exchange for several robots looks at
 TRIES = 4  # of choosing again where the chosen cannot be visited
 MENDS = 6  # of replacing what cannot be visited
 LOOKS = 30  # at touches that tell nearly the same
@@ -79,67 +86,77 @@ def _mended(
     return kept
 
 
-def optimal(offered: Offer, n: int, aim: Aim) -> Pick:
-    """Choose what is best by a smooth criterion: greedy, then exchange."""
-    P, F = offered.known.precision, offered.rows
+def optimal(
+    offered: Offer,
+    n: int,
+    criterion: str,
+    tip: Float[np.ndarray, "poses 3 kept"] | None = None,
+    *,
+    bound: ApproximateDesign | None = None,
+    searches: int = FEW,
+) -> Pick:
+    """Choose what is best by a criterion, among what the relaxation nearly uses; what cannot stay is exchanged.
+
+    `tip` says how what is to be exact moves with the parameters, the tip in the weld zone if not given, and `bound` is
+    the relaxation, if there is one already. `searches` are local ones.
+    """
+    P, zone = offered.known.precision, _zone(offered, criterion, tip)
+    bound = relaxed(offered, n, criterion, tip) if bound is None else bound
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
-        some = np.flatnonzero(allowed)
-        start = some[greedy(F[some], P, n, aim)] if before is None else before
-        C = np.linalg.inv(P + F[start].T @ F[start])
-        pool = some[np.argsort(-aim.gains(F[some], C), kind="stable")[:POOL]]
-        pool = np.concatenate([start, np.setdiff1d(pool, start)])
-        return pool[swapped(F[None, pool], P, np.arange(n), [aim], allowed=allowed[pool])]
+        return exact_design(
+            offered.rows, n, criterion, relaxation=bound, prior=P, zone=zone, allowed=allowed, start=before,
+            iterations=searches if before is None else min(searches, FEW), positions=_places(offered), min_distance=1.0,
+        ).indices  # fmt: skip
 
     return pick
 
 
-def robust(offered: Offer, n: int, models: Float[np.ndarray, "models parameters"], zone: bool, worst: bool) -> Pick:
+def relaxed(
+    offered: Offer, n: int, criterion: str, tip: Float[np.ndarray, "poses 3 kept"] | None = None
+) -> ApproximateDesign:
+    """The best weights on all touches on offer, and the bound that they give."""
+    zone = _zone(offered, criterion, tip)
+    return approximate_design(offered.rows, criterion, GAP, touches=n, prior=offered.known.precision, zone=zone)
+
+
+def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool) -> Pick:
     """Choose what is best over several robots: by the mean of the criterion over them, or with `worst` by the least.
 
-    The criterion is the mean tip variance of each in the `zone`, or else its log det. The first robot is where the
-    search begins.
+    The search begins with what is best for the first robot.
     """
-    P, plain = offered.known.precision, Aim()
-    aims = [Aim(mean_square(offered.known.tip_rows(offered.zone, theta))) if zone else plain for theta in models]
-    all_rows = np.stack([offered.rows_at(theta) for theta in models])
+    alone = optimal(offered, n, criterion)
+    chosen, needs_zone = CRITERIA[criterion], CRITERIA[criterion].needs_zone
+    robots = [
+        swaps_of(
+            chosen, offered.rows_at(theta), offered.known.precision,
+            offered.known.tip_rows(offered.zone, theta) if needs_zone else None,
+        )
+        for theta in models
+    ]  # fmt: skip
+    rules = Rules(len(offered.found), position=_places(offered), distance=1.0)
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
-        some = np.flatnonzero(allowed)
-        start = some[greedy(offered.rows[some], P, n, aims[0])] if before is None else before
-        worth = np.zeros(len(some))
-        for F, aim in zip(all_rows, aims, strict=True):
-            worth += aim.gains(F[some], np.linalg.inv(P + F[start].T @ F[start]))
-        pool = some[np.argsort(-worth, kind="stable")[: POOL // 2]]
-        pool = np.concatenate([start, np.setdiff1d(pool, start)])
-        rows, fit = all_rows[:, pool], allowed[pool]
-        alone = swapped(rows[:1], P, np.arange(n), aims[:1], allowed=fit)
-        best = swapped(rows, P, alone, aims, allowed=fit)  # the mean leads past sets where the least sticks
-        if not worst:
-            return pool[best]
-        found = [swapped(rows, P, start, aims, allowed=fit, worst=True) for start in (alone, best)]
-        least = [min(aim.value(P + F[i].T @ F[i]) for aim, F in zip(aims, rows, strict=True)) for i in found]
-        return pool[found[int(np.argmax(least))]]
+        start = alone(allowed, before)
+        gains = np.where(allowed, RobustSwaps(robots).gains(start), -np.inf)
+        pool = np.union1d(start, np.argsort(-gains, kind="stable")[: min(POOL, int(allowed.sum()))])
+        few = [robot.among(pool) for robot in robots]
+        for least in (False, True) if worst else (False,):  # the mean leads past sets where the least sticks
+            members = np.searchsorted(pool, start)
+            start = pool[Pool(RobustSwaps(few, least), rules.take(pool), n).descend(members).members]
+        return start
 
     return pick
 
 
-def mean_square(tip: Float[np.ndarray, "poses 3 kept"]) -> Float[np.ndarray, "kept kept"]:
-    """B with which tr(B C) is the mean tip variance."""
-    return np.einsum("pik,pil->kl", tip, tip, optimize=True) / len(tip)
+def _zone(
+    offered: Offer, criterion: str, tip: Float[np.ndarray, "poses 3 kept"] | None
+) -> Float[np.ndarray, "poses 3 kept"] | None:
+    if not CRITERIA[criterion].needs_zone:
+        return None
+    return offered.tip if tip is None else tip
 
 
-def greedy(
-    F: Float[np.ndarray, "rows kept"], M: Float[np.ndarray, "kept kept"], n: int, aim: Aim
-) -> Int[np.ndarray, " n"]:
-    """Add the touch that adds most, n times."""
-    C = np.linalg.inv(M)
-    chosen: list[int] = []
-    for _ in range(n):
-        gain = aim.gains(F, C)
-        gain[chosen] = -1
-        i = int(np.argmax(gain))
-        chosen.append(i)
-        x = C @ F[i]
-        C = C - np.outer(x, x) / (1 + F[i] @ x)
-    return np.array(chosen)
+def _places(offered: Offer) -> Float[np.ndarray, "touches axes"]:
+    """Places of touches in units in which replicates are closer than 1."""
+    return np.hstack([offered.found.point / APART[0], offered.found.q / APART[1]])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from oed.criteria import Criterion, checked_zone, score
 from oed.population import Found, Pool, evolve
@@ -18,7 +18,7 @@ from oed.relaxation import ApproximateDesign, phi
 from oed.rows import blocks, information, whitener
 from oed.rules import Rules
 from oed.screening import ScreenedSwaps
-from oed.swaps import DeterminantSwaps, Swaps, TraceSwaps
+from oed.swaps import DeterminantSwaps, Precision, Swaps, TraceSwaps
 from oed.task import Members, Task, task
 
 CLOSE = 0.95  # candidates whose gain is this close to what weight needs make the pool,
@@ -56,6 +56,8 @@ def exact_design(
     prior: Float[np.ndarray, "parameters parameters"] | None = None,
     zone: np.ndarray | None = None,
     fixed: Int[np.ndarray, " fixed"] | None = None,
+    allowed: Bool[np.ndarray, " candidates"] | None = None,
+    start: Int[np.ndarray, " some"] | None = None,
     face: np.ndarray | None = None,
     quotas: Mapping[Any, tuple[int, int]] | None = None,
     positions: Float[np.ndarray, "candidates axes"] | None = None,
@@ -66,20 +68,23 @@ def exact_design(
 ) -> ExactDesign:
     """The n touches, `fixed` ones included, that are best by a criterion; or as many as fit a `budget` of `cost`.
 
-    `quotas` are the smallest and largest number of touches per `face` (a number or a name); no two touches are closer
-    than `min_distance` in `positions`. The search makes `iterations` local searches and is the same for the same `rng`;
-    with `seconds` it goes on until they are over, and what it finds depends on the machine.
+    Only `allowed` candidates are chosen, from all if not given; the search begins with a set completed from `start`, as
+    far as that keeps the rules. `quotas` are the smallest and largest number of touches per `face` (a number or a
+    name); no two touches are closer than `min_distance` in `positions`. The search makes `iterations` local searches
+    and is the same for the same `rng`; with `seconds` it goes on until they are over, and what it finds depends on the
+    machine.
     """
     question = task(
-        rows, n, criterion, prior=prior, zone=zone, fixed=fixed, face=face, quotas=quotas, positions=positions,
-        min_distance=min_distance, repeats=repeats, cost=cost, budget=budget,
+        rows, n, criterion, prior=prior, zone=zone, fixed=fixed, allowed=allowed, face=face, quotas=quotas,
+        positions=positions, min_distance=min_distance, repeats=repeats, cost=cost, budget=budget,
     )  # fmt: skip
     rng = np.random.default_rng(0) if rng is None else rng
     relaxation = question.relaxed(repeats) if relaxation is None else relaxation
     level, M = _scaled(question, relaxation)
     basis = whitener(M)
     size, iterations = _effort(question, iterations)
-    found, searches = _searched(question, relaxation.closeness, basis, size, rng, _progress(seconds, iterations))
+    begin = np.zeros(0, int) if start is None else np.intersect1d(start, question.free)
+    found, searches = _searched(question, relaxation.closeness, basis, size, rng, _progress(seconds, iterations), begin)
     best = max((_polished(question, basis, ids) for ids in found), key=lambda winner: winner.log)
     chosen = best.members[best.members < len(question.rows)]
     indices = np.concatenate([question.fixed, chosen])
@@ -139,6 +144,7 @@ def swaps_of(
     known: Float[np.ndarray, "p p"],
     zone: np.ndarray | None = None,
     basis: Float[np.ndarray, "p p"] | None = None,
+    precision: Precision = np.float32,
 ) -> Swaps:
     """Swaps among some rows beside information that is known, by the formula of the criterion.
 
@@ -148,14 +154,14 @@ def swaps_of(
     T = whitener(known + information(rows)) if basis is None else basis
     X, M = rows @ T, T.T @ known @ T
     if criterion.swaps == "determinant":
-        return DeterminantSwaps(X, M, -2 * float(np.linalg.slogdet(T)[1]) / len(T))
+        return DeterminantSwaps(X, M, -2 * float(np.linalg.slogdet(T)[1]) / len(T), precision)
     if criterion.swaps == "screened":
-        return ScreenedSwaps(X, M, T, criterion, zone, np.random.default_rng(0))
+        return ScreenedSwaps(X, M, T, criterion, zone, np.random.default_rng(0), precision)
     K = T
     if criterion.needs_zone:
         tip = checked_zone(criterion, zone, len(T))
         K = tip.reshape(-1, len(T)) @ T / np.sqrt(len(tip))
-    return TraceSwaps(X, M, K.T @ K)
+    return TraceSwaps(X, M, K.T @ K, precision)
 
 
 def exchanged(
@@ -173,7 +179,8 @@ def _swaps(question: Task, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray,
     """Swaps among some rows of the question."""
     back = np.linalg.inv(basis)
     known = question.known + RIDGE * back.T @ back
-    return swaps_of(question.criterion, question.taken(ids), known, question.zone, basis)
+    precision: Precision = np.float32 if question.slots + len(question.fixed) > len(basis) else np.float64
+    return swaps_of(question.criterion, question.taken(ids), known, question.zone, basis, precision)
 
 
 def _pool(question: Task, closeness: Float[np.ndarray, " candidates"], many: int) -> Int[np.ndarray, " pool"]:
@@ -192,14 +199,15 @@ def _searched(
     size: int,
     rng: np.random.Generator,
     progress: Callable[[int], float],
+    begin: Members,
 ) -> tuple[list[Members], int]:
-    """The best sets of a search in a pool; in a larger one where the rules leave none."""
+    """The best sets of a search in a pool, from a beginning of a set; in a larger one where the rules leave none."""
     close = int((closeness[question.free[question.free < len(question.rows)]] >= CLOSE).sum())
     many = max(5 * question.slots, int(np.clip(close, *POOL)))
     while True:
-        ids = _pool(question, closeness, many)
+        ids = np.union1d(_pool(question, closeness, many), begin)
         pool = Pool(_swaps(question, basis, ids), question.rules.take(ids), question.slots)
-        sets, searches = evolve(pool, size, rng, progress)
+        sets, searches = evolve(pool, size, rng, progress, np.searchsorted(ids, begin))
         if sets:
             return [ids[one.members] for one in sets[:FINAL]], searches
         if many >= len(question.free):

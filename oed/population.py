@@ -90,6 +90,12 @@ class Pool:
                 return self.descend(members)
         return None
 
+    def after(self, members: Members, rng: np.random.Generator) -> Found | None:
+        """A local optimum from as many touches of a set as keep the rules; None if there are none."""
+        kept = members if self.rules.simple else self.rules.kept(rng.permutation(members), self.n)
+        whole = self.completed(kept[: self.n]) if len(kept) else None
+        return None if whole is None else self.descend(whole)
+
     def child(self, parents: list[Members], rng: np.random.Generator) -> Found | None:
         """A local optimum from the touches of others; None if they are all the same, or the rules leave none."""
         union = np.unique(np.concatenate(parents))
@@ -136,18 +142,24 @@ class Population:
 
 
 def evolve(
-    pool: Pool, size: int, rng: np.random.Generator, progress: Callable[[int], float]
+    pool: Pool,
+    size: int,
+    rng: np.random.Generator,
+    progress: Callable[[int], float],
+    start: Members | None = None,
 ) -> tuple[list[Found], int]:
     """The best sets, best first, and the searches made until `progress(searches)` says 1; none if the rules allow none.
 
-    A population that has no better children any more makes room for a new one.
+    The first of all is completed from a `start` that is not empty. A population that has no better children any more
+    makes room for a new one.
     """
     best: list[Found] = []
     count = 0
     while progress(count) < 1 or not best:
         people: list[Found] = []
         while len(people) < size and (progress(count) < 1 or not people):
-            found = pool.first(rng)
+            found = None if count or start is None else pool.after(start, rng)
+            found = found or pool.first(rng)
             count += 1
             if found is None:
                 return best, count

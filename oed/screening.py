@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from oed.criteria import Criterion, checked_zone, score
-from oed.swaps import NEVER, Members, Square, Swaps, Table
+from oed.swaps import NEVER, Members, Precision, Square, Swaps, Table
 
 BLURS = (0.05, 0.2, 0.6)  # relative spread of the neighbourhoods
 SAMPLES = 16  # points in each
@@ -22,9 +22,9 @@ class ScreenedSwaps(Swaps):
 
     def __init__(
         self, rows: Float[np.ndarray, "pool p"], known: Square, basis: Square, criterion: Criterion,
-        zone: np.ndarray | None, rng: np.random.Generator,
+        zone: np.ndarray | None, rng: np.random.Generator, precision: Precision = np.float32,
     ):  # fmt: skip
-        super().__init__(rows, known)
+        super().__init__(rows, known, precision)
         self.criterion = criterion
         self.back = np.linalg.inv(basis)  # information in the units that came in is back' M back
         self.tip = checked_zone(criterion, zone, len(basis)) @ basis if criterion.needs_zone else None
@@ -79,8 +79,8 @@ class ScreenedSwaps(Swaps):
         """First-order gain in logarithm of every swap."""
         M, X = self.information(self.members), self.low[self.members]
         W, C = self.weight(M), np.linalg.inv(M)
-        B = (C @ W @ C).astype(np.float32)
-        C = C.astype(np.float32)
+        B = (C @ W @ C).astype(self.precision)
+        C = C.astype(self.precision)
         CY, BY = C @ self.low_t, B @ self.low_t
         d, b = np.einsum("ij,ij->j", self.low_t, CY), np.einsum("ij,ij->j", self.low_t, BY)
         G, falls = X @ CY, X @ BY

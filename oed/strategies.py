@@ -5,19 +5,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from oed.aim import Aim
+from oed.aim import Aim, mean_square
 from oed.candidates import Candidates
 from oed.certificate import certify
-from oed.choice import Pick, mean_square, optimal, robust, visited
+from oed.choice import Pick, optimal, relaxed, robust, visited
 from oed.criteria import CRITERIA
 from oed.even import even
-from oed.exchange import exact_design
 from oed.information import drawn, touch_sigma
 from oed.offer import Offer
-from oed.refinement import APART, Refinement, refine, replaced
-from oed.relaxation import ApproximateDesign, approximate_design, phi
+from oed.refinement import Refinement, refine, replaced
+from oed.relaxation import ApproximateDesign, phi
 from oed.sequence import Order
 
 STRATEGIES = ("optimal", "even", "random")
@@ -25,7 +24,6 @@ RETURNS = 5  # times that touches at ways which moving them has blocked are put 
 SEARCHES = 40  # local ones for the set that is refined then: ten times as many are worth half a percent
 SWEEPS = 2  # of moving touches: a third gains nothing that counts
 FEWER = 16  # of them, where each compares sets by a criterion with kinks
-GAP = 3e-3  # of the relaxation: its bound holds at any gap
 Say = Callable[[str, float], None]
 
 
@@ -63,13 +61,6 @@ class Setting:
         """Whether `aim` is the criterion itself."""
         return CRITERIA[self.criterion].swaps != "screened"
 
-    @cached_property
-    def zone(self) -> np.ndarray | None:
-        """What the criterion has to know of the weld zone."""
-        if not CRITERIA[self.criterion].needs_zone:
-            return None
-        return mean_square(self.offered.tip) if self.criterion == "V" else self.offered.tip
-
     def quickly(self, n: int) -> Candidates:
         """Touches as the strategy has them, not refined and not ordered."""
         everything = np.ones(len(self.offered.found), dtype=bool)
@@ -84,9 +75,10 @@ class Setting:
             order = self._ordered(touches)
             return Choice(touches.take(order.index), order)
         say("bounding", 0.0)
-        bound = self._bound(n)
+        bound = relaxed(self.offered, n, self.criterion)
         say("choosing", 0.1)
-        visit = visited(self.offered, self._exact(bound, n), self.rng)
+        pick = optimal(self.offered, n, self.criterion, bound=bound, searches=SEARCHES if self.smooth else FEWER)
+        visit = visited(self.offered, pick, self.rng)
         touches = self.offered.found.take(visit.order.index)
         say("refining", 0.5)
         refinement = Refinement(self.offered.known, self.offered.judge)
@@ -106,28 +98,8 @@ class Setting:
             return lambda allowed, before: rng.choice(np.flatnonzero(allowed), n, replace=False)
         if self.draws:
             models = np.concatenate([offered.known.theta[None], drawn(offered.known, self.draws, rng)])
-            return robust(offered, n, models, self.aim.B is not None, self.worst)
-        return optimal(offered, n, self.aim)
-
-    def _bound(self, n: int) -> ApproximateDesign:
-        """The best weights on all touches on offer, and the bound that they give."""
-        P = self.offered.known.precision
-        return approximate_design(self.offered.rows, self.criterion, GAP, touches=n, prior=P, zone=self.zone)
-
-    def _exact(self, bound: ApproximateDesign, n: int) -> Pick:
-        """Search for the best set at first; where some of it cannot be visited, exchange that."""
-        offered, again = self.offered, optimal(self.offered, n, self.aim)
-        searches = SEARCHES if self.smooth else FEWER
-
-        def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
-            if before is not None:
-                return again(allowed, before)
-            return exact_design(
-                offered.rows, n, self.criterion, rng=self.rng, iterations=searches, relaxation=bound,
-                prior=offered.known.precision, zone=self.zone, positions=_places(offered.found), min_distance=1.0,
-            ).indices  # fmt: skip
-
-        return pick
+            return robust(offered, n, self.criterion, models, self.worst)
+        return optimal(offered, n, self.criterion)
 
     def _refined(
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
@@ -153,7 +125,8 @@ class Setting:
         return self.aim.value(M) if self.smooth else float(np.log(max(self._phi(M), 1e-300)))
 
     def _phi(self, M: Float[np.ndarray, "kept kept"]) -> float:
-        return phi(CRITERIA[self.criterion], M, self.zone)
+        zone = self.offered.tip if CRITERIA[self.criterion].needs_zone else None
+        return phi(CRITERIA[self.criterion], M, zone)
 
     def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches kept"]:
         sigma = touch_sigma(self.offered.known.cell, touches.names())
@@ -164,8 +137,3 @@ class Setting:
 
     def _efficiency(self, M: Float[np.ndarray, "kept kept"], bound: ApproximateDesign) -> float | None:
         return float(self._phi(M) / bound.level) if np.isfinite(bound.level) else None
-
-
-def _places(found: Candidates) -> Float[np.ndarray, "touches axes"]:
-    """Places of touches in units in which replicates are closer than 1."""
-    return np.hstack([found.point / APART[0], found.q / APART[1]])

@@ -6,12 +6,13 @@ With C = M^-1, rows x of the touch that goes and y of the one that comes, and B 
     tr(W C)    by  -[(1 - x'Cx) y'By + 2 x'Cy x'By - (1 + y'Cy) x'Bx] / that factor
 
 so D and the traces need covariances of the set with the pool, which follow each swap by a low-rank update. Any other
-criterion is screened with the trace that touches it (`oed.screening`). Tables are single precision: they rank.
+criterion is screened with the trace that touches it (`oed.screening`). Tables are single precision: they rank. Where
+there are no more touches than parameters, 1 - x'Cx is next to nothing: they need double, and no updates.
 """
 
 from abc import ABC, abstractmethod
 from copy import copy
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -19,6 +20,7 @@ from jaxtyping import Float, Int
 Square = Float[np.ndarray, "p p"]
 Members = Int[np.ndarray, " touches"]
 Table = Float[np.ndarray, "touches pool"]
+Precision = type[Any]  # np.float32 or np.float64
 
 NEVER = -np.inf  # table entry of a swap that a rule forbids
 TINY = 1e-12
@@ -31,12 +33,12 @@ class Swaps(ABC):
 
     still = 0.0  # table entry of a swap that changes nothing
 
-    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square):
-        self.known = known
+    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square, precision: Precision = np.float32):
+        self.known, self.precision = known, precision
         self._hold(rows)
 
     def _hold(self, rows: Float[np.ndarray, "pool p"]) -> None:
-        self.rows, self.low = rows, rows.astype(np.float32)
+        self.rows, self.low = rows, rows.astype(self.precision)
         self.low_t = np.ascontiguousarray(self.low.T)
         self.members: Members = np.zeros(0, int)
 
@@ -122,8 +124,10 @@ class DeterminantSwaps(Swaps):
 
     still = 1.0
 
-    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square, unit: float = 0.0):
-        super().__init__(rows, known)
+    def __init__(
+        self, rows: Float[np.ndarray, "pool p"], known: Square, unit: float = 0.0, precision: Precision = np.float32
+    ):
+        super().__init__(rows, known, precision)
         self.unit = unit  # logarithm of the criterion of the identity, in the units that came in
 
     def log(self, members: Members) -> float:
@@ -139,13 +143,13 @@ class DeterminantSwaps(Swaps):
         super().load(members)
         (n, p), m = (len(members), self.low.shape[1]), len(self.low)
         C = np.linalg.inv(self.information(self.members))
-        self.C = C.astype(np.float32)
+        self.C = C.astype(self.precision)
         self.G = (self.low[self.members] @ self.C) @ self.low_t
-        self.plus = np.ones((2, m), np.float32)  # 1 + d as a product of two rows, faster than an outer product
+        self.plus = np.ones((2, m), self.precision)  # 1 + d as a product of two rows, faster than an outer product
         self.d = np.einsum("ij,ij->j", self.low_t, self.C @ self.low_t, out=self.plus[1])
-        self.minus = np.empty((n, 2), np.float32)
+        self.minus = np.empty((n, 2), self.precision)
         self.work, self.spare = np.empty_like(self.G), np.empty_like(self.G)
-        self.c, self.P = np.empty((2, p), np.float32), np.empty((2, m), np.float32)
+        self.c, self.P = np.empty((2, p), self.precision), np.empty((2, m), self.precision)
         self.age = 0
 
     def factors(self) -> Table:
@@ -169,9 +173,9 @@ class DeterminantSwaps(Swaps):
         return a, j, float(max(table[a, j], 0)) ** (1 / self.rows.shape[1])
 
     def swap(self, a: int, j: int) -> None:
-        """Low-rank update of covariances and variances, recomputed now and then."""
+        """Low-rank update of covariances and variances, recomputed now and then, or always in double precision."""
         self.age += 1
-        if self.age > REFRESH:
+        if self.age > REFRESH or self.precision is np.float64:
             super().swap(a, j)
         else:
             self.update(a, j)
@@ -184,7 +188,7 @@ class DeterminantSwaps(Swaps):
         P[0] = self.G[a]
         np.matmul(c[1], self.low_t, out=P[1])
         x, y, xy = P[0, i], P[1, j], P[0, j]
-        A = np.array([[-1 - y, xy], [xy, 1 - x]], np.float32) / ((1 + y) * (1 - x) + xy * xy)
+        A = np.array([[-1 - y, xy], [xy, 1 - x]], self.precision) / ((1 + y) * (1 - x) + xy * xy)
         AP = A @ P
         self.members[a] = j
         self.C -= c.T @ (A @ c)
@@ -199,10 +203,10 @@ class TraceSwaps(DeterminantSwaps):
 
     still = 0.0
 
-    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square, W: Square):
-        super().__init__(rows, known)
+    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square, W: Square, precision: Precision = np.float32):
+        super().__init__(rows, known, precision=precision)
         self.W = W
-        self.low_W = W.astype(np.float32)
+        self.low_W = W.astype(precision)
 
     def log(self, members: Members) -> float:
         """Minus the logarithm of the trace."""
@@ -251,7 +255,7 @@ class TraceSwaps(DeterminantSwaps):
         CWy = self.C @ (self.low_W @ (self.C @ self.low[j]))
         np.matmul(CWy, self.low_t, out=R[1])
         A = super().update(a, j)
-        mix = np.zeros((4, 4), np.float32)
+        mix = np.zeros((4, 4), self.precision)
         mix[:2, :2], mix[:2, 2:], mix[2:, :2] = A @ R[:, [i, j]] @ A, -A, -A
         PR = np.concatenate([self.P, R])
         change = mix @ PR

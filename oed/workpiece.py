@@ -12,9 +12,8 @@ from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.jig import Jig
 from identify.model.touch import Plan
-from oed.aim import Aim
 from oed.candidates import Candidates
-from oed.choice import mean_square, optimal, visited
+from oed.choice import optimal, visited
 from oed.information import touch_sigma
 from oed.offer import Offer, offer, plan_of
 from oed.roadmap import with_via
@@ -66,7 +65,7 @@ def plan_workpiece(
     if n > len(offered.found):
         raise InputError(f"{n} touches are asked for, and only {len(offered.found)} were found that can be made")
     G = _motions(offered)
-    touches, order = chosen(offered, n, Aim(mean_square(G)), rng)
+    touches, order = chosen(offered, n, "V", rng, G)
     return WorkpiecePlan(
         plan=with_via(plan_of(touches), order.via), cell=placed, faces=_faces(touches),
         promise=_promise(offered, G, touches), curve=_curve(offered, G), minutes=order.minutes,
@@ -83,9 +82,15 @@ def standing(
     return replace(cell, jig=workpiece, base=base, zone=None)
 
 
-def chosen(offered: Offer, n: int, aim: Aim, rng: np.random.Generator) -> tuple[Candidates, Order]:
-    """The best touches on offer by a smooth criterion, in an order in which they can be made."""
-    order = visited(offered, optimal(offered, n, aim), rng).order
+def chosen(
+    offered: Offer,
+    n: int,
+    criterion: str,
+    rng: np.random.Generator,
+    tip: Float[np.ndarray, "poses 3 kept"] | None = None,
+) -> tuple[Candidates, Order]:
+    """The best touches on offer by a criterion, for what moves as `tip` does, in an order in which they can be made."""
+    order = visited(offered, optimal(offered, n, criterion, tip), rng).order
     return offered.found.take(order.index), order
 
 
@@ -145,7 +150,7 @@ def _curve(offered: Offer, G: Float[np.ndarray, "corners 3 kept"]) -> tuple[tupl
     out, everything = [], np.ones(len(offered.found), dtype=bool)
     for n in CURVE:
         if n <= len(offered.found):
-            touches = offered.found.take(optimal(offered, n, Aim(mean_square(G)))(everything, None))
+            touches = offered.found.take(optimal(offered, n, "V", G)(everything, None))
             out.append((n, _faces(touches), _promise(offered, G, touches).p95_mm))
     return tuple(out)
 

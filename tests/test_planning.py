@@ -9,7 +9,8 @@ import identify
 from identify.model.files import InputError
 from identify.model.tables import plan_text
 from identify.model.zone import zone_poses
-from oed.choice import mean_square, robust
+from oed.aim import mean_square
+from oed.choice import robust
 from oed.criteria import CRITERIA
 from oed.information import built_knowledge, drawn
 from oed.offer import offer
@@ -179,8 +180,8 @@ def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(offered):
     def worst(index):
         return max(np.trace(b @ offered.known.covariance(F[index])) for b, F in zip(B, rows, strict=True))
 
-    chosen = {flag: robust(offered, N, models, True, flag)(everything, None) for flag in (True, False)}
-    nominal = robust(offered, N, offered.known.theta[None], True, False)(everything, None)
+    chosen = {flag: robust(offered, N, "V", models, flag)(everything, None) for flag in (True, False)}
+    nominal = robust(offered, N, "V", offered.known.theta[None], False)(everything, None)
 
     assert worst(chosen[True]) < worst(nominal)
     assert worst(chosen[True]) < worst(chosen[False])
