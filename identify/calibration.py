@@ -82,7 +82,10 @@ def calibrate(
 def _worst(rows: Rows, residual: Float[np.ndarray, " rows"], these: Bool[np.ndarray, " rows"]) -> dict[str, float]:
     """The largest residual of each touch or position among some rows, by id."""
     order = np.argsort(np.abs(residual), kind="stable")  # the largest comes last, and stays
-    return {rows.ids[rows.owner[i]]: float(residual[i]) for i in order if these[i]}
+    order = order[these[order]]
+    worst = np.full(len(rows.ids), -1)
+    worst[rows.owner[order]] = order
+    return {rows.ids[owner]: float(residual[worst[owner]]) for owner in np.flatnonzero(worst >= 0)}
 
 
 def _residuals(
@@ -90,9 +93,7 @@ def _residuals(
 ) -> dict[str, Residual]:
     """What every touch said before and after, in the order of the rows."""
     rows, everywhere = problem.rows, np.ones(len(problem.rows), dtype=bool)
-    before = problem.model.residual(problem.start, rows)
-    worst = (_worst(rows, r, everywhere) for r in (before, after))
-    was, now = worst
+    was, now = (_worst(rows, r, everywhere) for r in (problem.before, after))
     kept = {rows.ids[owner] for owner in np.unique(rows.owner[used])}
     return {name: Residual(was[name], now[name], name in kept) for name in rows.ids}
 

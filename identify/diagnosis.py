@@ -33,17 +33,20 @@ class Residuals:
 
     def without(self, columns: Float[np.ndarray, "rows more"]) -> "Residuals":
         """The same with these columns in the model."""
-        B = columns * self.unit[:, None]
-        rest = B - self.Q @ (self.Q.T @ B)
-        size = np.linalg.norm(B, axis=0)
-        new, R = np.linalg.qr(rest[:, size > 0] / size[size > 0])
-        new = new[:, np.abs(np.diag(R)) > 1e-6]
+        (new,) = self._new(columns[None])
         return Residuals(self.r - new @ (new.T @ self.r), np.hstack([self.Q, new]), self.unit)
 
-    def explained(self, columns: Float[np.ndarray, "rows more"]) -> tuple[float, int]:
-        """Sum of squares that columns explain beyond the model, and how many of them are new."""
-        after = self.without(columns)
-        return float(self.r @ self.r - after.r @ after.r), after.Q.shape[1] - self.Q.shape[1]
+    def explained_by_each(self, columns: Float[np.ndarray, "groups rows more"]) -> list[tuple[float, int]]:
+        """Sum of squares that each group of columns explains beyond the model, and how many of them are new."""
+        return [(float(((new.T @ self.r) ** 2).sum()), new.shape[1]) for new in self._new(columns)]
+
+    def _new(self, columns: Float[np.ndarray, "groups rows more"]) -> list[Float[np.ndarray, "rows new"]]:
+        """An orthonormal basis of what each group of columns adds to the model."""
+        B = columns * self.unit[:, None]
+        size = np.sqrt((B * B).sum(axis=1, keepdims=True))
+        new, R = np.linalg.qr((B - self.Q @ (self.Q.T @ B)) / np.where(size > 0, size, 1.0))
+        kept = np.abs(np.diagonal(R, axis1=1, axis2=2)) > 1e-6
+        return [basis[:, some] for basis, some in zip(new, kept, strict=True)]
 
     def fit(self, columns: Float[np.ndarray, "rows more"]) -> Float[np.ndarray, " more"]:
         """How much of each of some columns together the residuals hold."""
@@ -81,6 +84,7 @@ class _Case:
         _, R, J = kinematics.pose_jacobian(q, self.theta)
         self.lever = np.einsum("mk,mkj->mj", self.rows.normal, J[:, :3, :])  # [mm/rad] or 1
         self.along = np.einsum("mk,mk->m", self.rows.normal, R[:, :, 2])  # of the wire, on the normal
+        self._residuals: dict[bytes, Residuals] = {}
 
     @property
     def order(self) -> Int[np.ndarray, " rows"]:
@@ -89,16 +93,23 @@ class _Case:
 
     def residuals(self, used: Bool[np.ndarray, " rows"]) -> Residuals:
         """Residuals of a least squares fit to some rows, about the solution; rows not used count nothing."""
+        if used.tobytes() not in self._residuals:
+            self._residuals[used.tobytes()] = self._fitted(used)
+        return self._residuals[used.tobytes()]
+
+    def _fitted(self, used: Bool[np.ndarray, " rows"]) -> Residuals:
         problem = self.problem
-        J = np.vstack([part for _, _, part in problem.linearized(self.estimate.x)])
-        r = problem.residual(self.estimate.x)
-        weight = used / self.rows.sigma
-        known = np.isfinite(problem.prior)
-        A = np.vstack([J * weight[:, None], np.diag(1 / problem.prior)[known]])
-        b = np.concatenate([r * weight, (self.estimate.x / problem.prior)[known]])
-        Q, _ = np.linalg.qr(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300))
+        parts = [part for _, _, part in problem.linearized(self.estimate.x)]
+        r, weight = problem.residual(self.estimate.x), used / self.rows.sigma
+        known = np.flatnonzero(np.isfinite(problem.prior))
+        m, n = len(r), len(problem.prior)
+        A, b = np.zeros((m + len(known), n)), np.empty(m + len(known))
+        np.multiply(np.concatenate(parts), weight[:, None], out=A[:m])
+        A[m + np.arange(len(known)), known] = 1 / problem.prior[known]
+        b[:m], b[m:] = r * weight, (self.estimate.x / problem.prior)[known]
+        Q, _ = np.linalg.qr(A / np.maximum(np.sqrt((A * A).sum(axis=0)), 1e-300))
         left = b - Q @ (Q.T @ b)
-        Q, left = Q[: len(r)], left[: len(r)]
+        Q, left = Q[:m], left[:m]
         freedom = max(np.count_nonzero(used) - float((Q * Q).sum()), 1.0)
         scatter = float(np.sqrt(left @ left / freedom))
         return Residuals(left / scatter, Q, weight / scatter)
@@ -119,7 +130,7 @@ def _changes(case: _Case) -> tuple[Residuals, list[Finding]]:
     """
     everything = np.ones(len(case.rows), dtype=bool)
     asked = [case.estimate.used, *([everything] if case.many_left_out() else [])]
-    residuals = max((case.residuals(some) for some in asked), key=lambda some: abs(_cut(case, some)[2]))
+    residuals = max(map(case.residuals, asked), key=lambda some: abs(_cut(case, some)[2]) if len(asked) > 1 else 0.0)
     findings: list[Finding] = []
     for _ in range(LIMIT):
         cut, drift = _stick_out(case, residuals), _drift(case, residuals)
@@ -200,7 +211,7 @@ def _drift(case: _Case, residuals: Residuals) -> _Change | None:
     """Base, jig or tracker that move while it is measured."""
     time, span = _times(case)
     columns = case.rows.normal * (time[case.order] - 0.5)[:, None]
-    gain, count = residuals.explained(columns)
+    ((gain, count),) = residuals.explained_by_each(columns[None])
     if count == 0 or gain < _chi_square(count):
         return None
     way = ", ".join(f"{axis} {-amount:+.2f}" for axis, amount in zip("xyz", residuals.fit(columns), strict=True))
@@ -227,11 +238,9 @@ def _times(case: _Case) -> tuple[Float[np.ndarray, " measured"], str]:
 def _joint(case: _Case, residuals: Residuals) -> Iterator[Finding]:
     """One joint that turns unevenly, far more than all others."""
     total = float(residuals.r @ residuals.r)
-    gains = []
-    for i, joint in enumerate(case.robot.joints):
-        q = case.rows.q[:, i] / (100.0 if joint.prismatic else 1.0)
-        shapes = np.column_stack([q, *(f(k * q) for k in (1, 2) for f in (np.cos, np.sin))])
-        gains.append(residuals.explained(case.lever[:, [i]] * shapes))
+    q = case.rows.q / np.where(case.robot.prismatic, 100.0, 1.0)
+    shapes = np.stack([q, np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)], axis=2)
+    gains = residuals.explained_by_each((case.lever[:, :, None] * shapes).transpose(1, 0, 2))
     best = int(np.argmax([gain for gain, _ in gains]))
     (gain, count), others = gains[best], max([g for k, (g, _) in enumerate(gains) if k != best], default=0.0)
     if count == 0 or gain < max(_chi_square(count), SHARE * total, TWICE * others):

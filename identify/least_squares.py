@@ -152,28 +152,32 @@ class LeastSquares:
         x, stats = minimize(self.objective.at, self._basis, start, self.lower, self.upper, tolerance)
         return x, str(stats["return_status"]), int(stats["iter_count"])
 
-    def near(self, start: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " unknowns"] | None:
-        """A minimum so near that Newton steps alone lead there, each shorter than the one before; None if it is not."""
-        x, _, left = self._polished(start, WALK)
+    def near(
+        self, objective: Objective, start: Float[np.ndarray, " unknowns"]
+    ) -> Float[np.ndarray, " unknowns"] | None:
+        """The minimum of an objective like this one, if Newton steps alone lead there, each shorter than the last."""
+        x, _, left = self._polished(start, WALK, objective)
         return x if left < THERE else None
 
     def _polished(
-        self, x: Float[np.ndarray, " unknowns"], most: int
+        self, x: Float[np.ndarray, " unknowns"], most: int, objective: Objective | None = None
     ) -> tuple[Float[np.ndarray, " unknowns"], int, float]:
         """Where some Newton steps lead, each shorter than the one before; their number; the size of the next."""
-        step, size = self._newton(x)
+        step, size = self._newton(x, objective)
         for made in range(most):
             if size < THERE:
                 return x, made, size
-            further, less = self._newton(x + step)
+            further, less = self._newton(x + step, objective)
             if not less < size:
                 return x, made, size
             x, step, size = x + step, further, less
         return x, most, size
 
-    def _newton(self, x: Float[np.ndarray, " unknowns"]) -> tuple[Float[np.ndarray, " unknowns"], float]:
+    def _newton(
+        self, x: Float[np.ndarray, " unknowns"], objective: Objective | None = None
+    ) -> tuple[Float[np.ndarray, " unknowns"], float]:
         """The Newton step, and its size in standard deviations; infinite where the Hessian has no inverse."""
-        _, gradient, hessian = self.objective.at(x)
+        _, gradient, hessian = (objective or self.objective).at(x)
         T = self._basis
         g, H = gradient @ T, T.T @ hessian @ T
         try:

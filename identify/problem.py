@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from identify.least_squares import LOSSES, LeastSquares, Objective, Part, Solution
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.identifiability import Identifiability, Sight, everything, sight, still_joints, structure
+from identify.model.identifiability import Identifiability, Sight, everything, rank_of, sight, still_joints, structure
 from identify.model.measurement import Rows, measurement_model
 from identify.starting import starting_point
 
@@ -68,6 +68,7 @@ class Problem:
     def __post_init__(self) -> None:
         self.model = measurement_model(self.cell.robot)
         self._residual_at = np.full(1, np.nan), np.empty(0)
+        self._freedom_at = b"", 0.0
         self._linearized_at: tuple[np.ndarray, tuple[Part, ...]] = np.full(1, np.nan), ()
         self.kept = np.array(self.structure.kept, dtype=int)
         self.names = [self.structure.names[i] for i in self.kept]
@@ -79,6 +80,7 @@ class Problem:
         self.objective = Objective(self.linearized, self.prior, 1 / self.rows.sigma)
         lower, upper = self._bounds()
         self.solver = LeastSquares(self.objective, np.zeros(len(self.kept)), lower, upper)
+        self.before = self.residual(np.zeros(len(self.kept)))  # [mm], of the start
 
     def _bounds(self) -> tuple[Float[np.ndarray, " kept"], Float[np.ndarray, " kept"]]:
         bounds = [self.cell.bounds.get(name, (-np.inf, np.inf)) for name in self.names]
@@ -143,7 +145,9 @@ class Problem:
         needed = len(self.required)
         if needed == 0:
             return True
-        return int(np.count_nonzero(weight)) >= needed and self.geometry(x, weight).rank == needed
+        return (
+            int(np.count_nonzero(weight)) >= needed and rank_of(self._triangle(x, weight)[:, self.required]) == needed
+        )
 
     def precision(
         self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
@@ -177,10 +181,12 @@ class Problem:
         weight, used = 1 / self.rows.sigma, np.ones(len(self.rows), dtype=bool)
         x = np.zeros(len(self.kept)) if start is None else (start - self.start)[self.kept]
         solutions, weighed = [self._first(x, weight)], weight
-        if self.loss != "linear" and not self._unanimous(solutions[-1].x, weight):
+        near, unanimous = self._foreseen(solutions[-1].x, weight)
+        if not unanimous:
             for _ in range(6):
                 scale = self._scale(solutions[-1].x, used)
-                solutions.append(self.solve(solutions[-1].x, weight / scale, self.loss))
+                solutions.append(self.solve(near, weight / scale, self.loss))
+                near = solutions[-1].x
                 agreeing = self._agreeing(solutions[-1].x, weight / self._scale(solutions[-1].x, used))
                 weighed = np.zeros_like(weight)  # by no plain fit
                 if np.array_equal(agreeing, used):
@@ -204,23 +210,26 @@ class Problem:
                 raise
             return self.solve(x, weight, self.loss)
 
-    def _unanimous(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> bool:
-        """Whether a robust fit of the equations as they are near a plain one, linear, clearly leaves nothing out.
+    def _foreseen(
+        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
+    ) -> tuple[Float[np.ndarray, " kept"], bool]:
+        """Where a robust fit will end, by the equations as they are near a plain one, linear; whether all agree there.
 
-        Then the robust fit of the equations themselves need not be made.
+        If they clearly do, the robust fit of the equations themselves need not be made.
         """
+        if self.loss == "linear":
+            return x, True
         if len(self.rows) > PART:
-            return False
+            return x, False
         ((part, r, J),) = self.linearized(x)
         everyone = np.ones(len(r), dtype=bool)
-        flat = Objective(
-            lambda y: [(part, r + J @ (y - x), J)], self.prior, weight / self._scale(x, everyone), self.loss
-        )
-        y = LeastSquares(flat, x).near(x)
+        scaled = weight / self._scale(x, everyone)
+        y = self.solver.near(Objective(lambda y: [(part, r + J @ (y - x), J)], self.prior, scaled, self.loss), x)
         if y is None:
-            return False
+            return x, False
         left = r + J @ (y - x)
-        return bool((self._sizes(x, weight / self._scale(x, everyone, left), left) <= SURE * self._limit).all())
+        sizes = self._sizes(x, weight / self._scale(x, everyone, left), left)
+        return y, bool((sizes <= SURE * self._limit).all())
 
     def _scale(
         self, x: Float[np.ndarray, " kept"], used: Bool[np.ndarray, " rows"],
@@ -261,10 +270,13 @@ class Problem:
 
     def freedom(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> float:
         """Rows in use less the parameters that they, and not the priors, determine."""
-        determined = float(len(self.kept))
-        if len(self.required) < len(self.kept):
-            determined -= float(np.diag(np.linalg.inv(self.precision(x, weight))) @ (1 / self.prior**2))
-        return np.count_nonzero(weight) - determined
+        asked = x.tobytes() + weight.tobytes()
+        if asked != self._freedom_at[0]:
+            determined = float(len(self.kept))
+            if len(self.required) < len(self.kept):
+                determined -= float(np.diag(np.linalg.inv(self.precision(x, weight))) @ (1 / self.prior**2))
+            self._freedom_at = asked, np.count_nonzero(weight) - determined
+        return self._freedom_at[1]
 
     def scatter(self, estimate: Estimate) -> tuple[float, bool]:
         """Scatter in units of sigma, and whether chance explains its distance from 1 (Wilson and Hilferty 1931)."""

@@ -11,8 +11,9 @@ from identify.model.files import InputError
 from identify.model.measurement import Rows, measurement_model, tip_rows
 from identify.model.robot import POSE_NAMES, Robot
 
-POSES = 200  # generic poses, three rows each: far more than parameters
+POSES = 2  # generic poses a parameter, three rows each: far more than parameters
 TOLERANCE = 1e-9  # of a column's part that no other column explains, relative to the column
+UNSEEN = 1e-8  # singular values of columns of length one, below which touches do not see a direction
 ORDER = ("theta", "alpha", "a", "d", "beta")
 
 
@@ -64,10 +65,10 @@ def structure(
     """
     robot = cell.robot
     rng = np.random.default_rng(1)
-    q = rng.uniform(robot.lower, robot.upper, (POSES, len(robot.joints)))
+    q = rng.uniform(robot.lower, robot.upper, (POSES * len(robot.parameters), len(robot.joints)))
     for joint, value in (still or {}).items():
         q[:, joint] = value
-    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(made, len(robot.joints), rng), 3, axis=0))
+    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(made, q.shape, rng), 3, axis=0))
     _, J = measurement_model(robot).linearize(cell.theta if theta is None else theta, poses)
     free = [i for i in preference(robot) if robot.parameters[i] not in cell.fixed]
     kept, combinations = independent(J * cell.scale, free)
@@ -97,12 +98,12 @@ def everything(cell: Cell, priors: bool = True) -> Identifiability:
 
 
 def _conditions(
-    made: Float[np.ndarray, "rows conditions"] | None, joints: int, rng: np.random.Generator
+    made: Float[np.ndarray, "rows conditions"] | None, shape: tuple[int, ...], rng: np.random.Generator
 ) -> Float[np.ndarray, "poses conditions"]:
     """Conditions of the generic poses: drawn from those that there were, or directions and a span of 10 K."""
     if made is not None and len(made):
-        return made[rng.integers(len(made), size=POSES)]
-    return np.column_stack([rng.choice([-1.0, 1.0], (POSES, joints)), rng.uniform(-5, 5, POSES)])
+        return made[rng.integers(len(made), size=shape[0])]
+    return np.column_stack([rng.choice([-1.0, 1.0], shape), rng.uniform(-5, 5, shape[0])])
 
 
 def _clean(coefficient: float) -> float:
@@ -155,11 +156,21 @@ def sight(J: Float[np.ndarray, "rows kept"], names: Sequence[str]) -> Sight:
     The rank is taken with columns of one length: what can be told apart does not depend on what was known before.
     """
     square = np.asarray(np.linalg.qr(J, mode="r"))  # as many rows as columns at the most, however many touches
-    size = np.linalg.norm(square, axis=0)
-    singular, directions = _singular(square / np.where(size > 1e-9 * size.max(initial=0.0), size, np.inf))
-    unseen = singular < 1e-8
+    even, rank = _even(square), rank_of(square)
     s, Vt = _singular(square)
-    return Sight(int((~unseen).sum()), s, _dominant(directions[unseen], names), _dominant(Vt[s < 1.0], names))
+    lost = _dominant(_singular(even)[1][rank:], names) if rank < len(names) else ()
+    return Sight(rank, s, lost, _dominant(Vt[s < 1.0], names))
+
+
+def rank_of(J: Float[np.ndarray, "rows kept"]) -> int:
+    """How many directions a Jacobian sees, columns of one length."""
+    return int((np.linalg.svd(_even(J), compute_uv=False) >= UNSEEN).sum())
+
+
+def _even(J: Float[np.ndarray, "rows kept"]) -> Float[np.ndarray, "rows kept"]:
+    """Columns of length one, or zero."""
+    size = np.linalg.norm(J, axis=0)
+    return np.asarray(J / np.where(size > 1e-9 * size.max(initial=0.0), size, np.inf))
 
 
 def _singular(A: Float[np.ndarray, "rows kept"]) -> tuple[np.ndarray, np.ndarray]:
