@@ -25,6 +25,10 @@ Precision = type[Any]  # np.float32 or np.float64
 NEVER = -np.inf  # table entry of a swap that a rule forbids
 TINY = 1e-12
 REFRESH = 50  # swaps between two recomputations of an updated table
+NEEDED = (
+    1e-3  # of a direction is seen without a touch, or less: then its update is a difference of nearly equal numbers
+)
+LOST = 10.0  # roundings: a swap that leaves less of the determinant cannot be told from a ruinous one
 AT_ONCE = 4  # a quarter of the touches in excess go at once
 
 
@@ -173,9 +177,13 @@ class DeterminantSwaps(Swaps):
         return a, j, float(max(table[a, j], 0)) ** (1 / self.rows.shape[1])
 
     def swap(self, a: int, j: int) -> None:
-        """Low-rank update of covariances and variances, recomputed now and then, or always in double precision."""
+        """Low-rank update of covariances and variances; recomputed now and then, where it would be lost, or always.
+
+        Always in double precision.
+        """
         self.age += 1
-        if self.age > REFRESH or self.precision is np.float64:
+        shaky = 1 - self.d[self.members[a]] < NEEDED
+        if self.age > REFRESH or shaky or self.precision is np.float64:
             super().swap(a, j)
         else:
             self.update(a, j)
@@ -235,8 +243,12 @@ class TraceSwaps(DeterminantSwaps):
         falls += np.matmul(
             np.concatenate([left, -own, -own], axis=1), np.concatenate([self.b[None], self.plus]), out=self.spare
         )
+        least = LOST * np.finfo(self.precision).eps
+        lost = factors < least
+        np.maximum(factors, least, out=factors)
         factors *= trace
-        falls /= np.maximum(factors, 1e-30, out=factors)
+        falls /= factors
+        falls[lost] = NEVER
         return falls
 
     def growth(self, table: Table) -> Table:

@@ -26,29 +26,22 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.frames import inverse, pose, rotation, transform
-from identify.model.jig import Box, Face, Jig
+from identify.model.frames import inverse, pose, transform
 from oed.exchange import exact_design
 from oed.offer import Offer, offer, plan_of
 from oed.relaxation import approximate_design
 from studies.common import arc_welder, zone
 from studies.jig_shown import ROBOTS, TOUCHES, answer, pictures
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
+from studies.two_places import SECOND, second_places
 
 __all__ = ["answer", "pictures", "run", "tasks"]
 
 POSES = 200
-DECIDED = 0.02  # gap of a relaxation, as a share of information, below which its value counts
 SEARCHES = 48  # of an exact design
 THREE = ("top-low", "front-low", "right-low")
 REACH = np.array([250.0, 250.0, 150.0, np.pi, 0.7, 0.7])  # [mm, rad] of shift, turn and tilts, either way
 DRAWN, STEPS, STARTS = 10, 25, 3
-SECOND = {  # shift [mm] and turn about the vertical [deg] of the jig
-    "200 mm to the right": (200, 0, 0, 0), "200 mm to the left": (-200, 0, 0, 0), "150 mm nearer": (0, 150, 0, 0),
-    "150 mm farther": (0, -150, 0, 0), "150 mm higher": (0, 0, 150, 0), "turned by 90°": (0, 0, 0, 90),
-    "turned by 180°": (0, 0, 0, 180), "turned by 90°, 150 mm higher": (0, 0, 150, 90),
-}  # fmt: skip
-LOOSE = (10.0, np.radians(2.0))  # [mm, rad] by which the second place is known
 OUT_OF_REACH = 10.0  # [mm], for the search
 
 
@@ -167,50 +160,8 @@ def _said(at: np.ndarray) -> dict[str, float]:
 
 def _second(rng: np.random.Generator, name: str, count: int, robots: int, steps: int) -> list[dict[str, Any]]:
     """The first place alone, and with the second, known exactly or not."""
-    x, y, z, turn = SECOND[name]
-    cell = arc_welder()
-    at = np.array([x, y, z, np.radians(turn), 0.0, 0.0])
-    assert cell.jig is not None
-    here, there = (offer(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.jig, at))))
-    lever = np.cross(there.found.point - (at[:3] + 100.0), there.found.normal)
-    pose_rows = np.hstack([there.found.normal * LOOSE[0], lever * LOOSE[1]]) / there.sigma[:, None]
-    tip, prior = here.known.tip_rows(zone(POSES)), here.known.precision
-    both = np.vstack([here.rows, there.rows])
-    free = np.block([[here.rows, np.zeros((len(here.rows), 6))], [there.rows, pose_rows]])
-    more = np.pad(tip, ((0, 0), (0, 0), (0, 6)))
-    wider = np.diag(np.append(np.zeros(len(prior)), np.ones(6)))
-    wider[: len(prior), : len(prior)] = prior
-    cases = {
-        "first place alone": (here.rows, prior, tip),
-        f"and {name}, place known": (both, prior, tip),
-        f"and {name}, place unknown": (free, wider, more),
-    }
+    searches = SEARCHES if robots == ROBOTS else 6
     return [
-        {"name": what, **_said(at),
-         "promised_mm": _decided(X, P, t)}
-        for what, (X, P, t) in cases.items()
-    ]  # fmt: skip
-
-
-def _decided(rows: np.ndarray, prior: np.ndarray, tip: np.ndarray) -> float:
-    """The RMS tip error that the best weights promise; NaN where the relaxation did not close its gap."""
-    found = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=prior, zone=tip)
-    return float(np.sqrt(found.value)) if found.gap < DECIDED else float("nan")
-
-
-def put(jig: Jig, at: Float[np.ndarray, " 6"]) -> Jig:
-    """The jig shifted, and turned about the vertical through its middle by right angles; what it stands on stays."""
-    R = np.round(rotation(at[3], 0.0, 0.0))
-    middle = np.array([200.0, 150.0, 0.0])
-
-    def there(point: np.ndarray) -> np.ndarray:
-        return np.asarray(R @ (point - middle) + middle + at[:3])
-
-    faces = tuple(Face(f.name, there(f.origin), R @ f.u, R @ f.v, f.tolerance) for f in jig.faces)
-    boxes = []
-    for box in jig.boxes:
-        corners = np.stack([there(np.array(box.lower)), there(np.array(box.upper))])
-        lower, upper = corners.min(axis=0), corners.max(axis=0)
-        below = box.upper[2] <= 0
-        boxes.append(box if below else Box(tuple(lower.tolist()), tuple(upper.tolist())))
-    return Jig(jig.name, faces, tuple(boxes))
+        {"name": case.name, **_said(case.at), "promised_mm": case.promised, "simulated_mm": _rms(case.error)}
+        for case in second_places(name, count, robots, searches, zone(POSES), rng)
+    ]

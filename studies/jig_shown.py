@@ -48,14 +48,17 @@ def _of_places(table: Table) -> str:
 
 def _of_second(table: Table) -> str:
     second = where(table, part="second")
-    names, promised = second["name"], column(second, "promised_mm")
-    alone = np.nanmedian(promised[[n == "first place alone" for n in names]])
+    names, promised, simulated = second["name"], column(second, "promised_mm"), column(second, "simulated_mm")
+    alone = np.array([n == "first place alone" for n in names])
     more = [
-        f"{n.removeprefix('and ')} {'not decided' if np.isnan(v) else format(v, '.4f')}"
-        for n, v in zip(names, promised, strict=True)
+        f"{n.removeprefix('and ')} {a:.4f} ({b:.4f})"
+        for n, a, b in zip(names, promised, simulated, strict=True)
         if n.startswith("and ")
     ]
-    return f"One place promises {alone:.4f} mm, a second one besides: {', '.join(more)}."
+    return (
+        f"One place promises {np.median(promised[alone]):.4f} mm ({np.median(simulated[alone]):.4f} simulated), a "
+        f"second one besides: {', '.join(more)}."
+    )
 
 
 def pictures(table: Table) -> dict[str, str]:
@@ -102,7 +105,7 @@ def _second_drawn(table: Table) -> str:
     wide, high = named("", names), axis(title, value, zero=True)
     chart = Chart("What a second placement of the jig buys", wide, high, width=620, slanted=True)
     for kind, shade in kinds.items():
-        which = [i for i, n in enumerate(second["name"]) if n.endswith(kind) and np.isfinite(value[i])]
+        which = [i for i, n in enumerate(second["name"]) if n.endswith(kind)]
         hints = [f"{second['name'][i]}: {value[i]:.4f} mm" for i in which]
         chart.dots(np.array([at[i] for i in which], dtype=float), value[which], shade, hints, 4)
     chart.legend([(shade, kind) for kind, shade in kinds.items()])

@@ -148,7 +148,7 @@ def calibrate_many(
     scatter of what is left sets how much the priors weigh. Without `eliminate` every parameter is estimated and the
     priors tell apart what touches cannot.
     """
-    problem = _Problem(cell, touches, priors, eliminate)
+    problem = Problem(cell, touches, priors, eliminate)
     used, scale = touches.hit, np.ones(len(touches.q))
     theta, converged = problem.solve(np.tile(cell.theta, (len(scale), 1)), used, scale)
     for _ in range(2):
@@ -163,7 +163,7 @@ def calibrate_many(
     return ManyCalibrations(theta, problem.scatter(theta, used), used, converged)
 
 
-class _Problem:
+class Problem:
     """Residuals, Jacobians and normal equations of many robots that made the same touches."""
 
     def __init__(self, cell: Cell, touches: ManyTouches, priors: bool, eliminate: bool) -> None:
@@ -254,7 +254,7 @@ def linear_identification(
     One step solves for the errors at once; more repeat it with the Jacobian of the nominal robot, or with `update` with
     that of the parameters found so far. No priors, nothing left out; what diverges ends as infinity or NaN.
     """
-    problem = _Problem(cell, touches, False, True)
+    problem = Problem(cell, touches, False, True)
     theta = np.tile(cell.theta, (len(touches.q), 1))
     J = problem.linearize(theta)[1]
     with np.errstate(all="ignore"):
