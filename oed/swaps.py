@@ -177,9 +177,9 @@ class DeterminantSwaps(Swaps):
         return a, j, float(max(table[a, j], 0)) ** (1 / self.rows.shape[1])
 
     def swap(self, a: int, j: int) -> None:
-        """Low-rank update of covariances and variances; recomputed now and then, where it would be lost, or always.
+        """Low-rank update of covariances and variances; recomputed now and then, and where an update would be lost.
 
-        Always in double precision.
+        In double precision it is recomputed always.
         """
         self.age += 1
         shaky = 1 - self.d[self.members[a]] < NEEDED
