@@ -29,7 +29,11 @@ FINAL = 3  # sets of the search that are compared with every candidate
 PASSES = 50  # of that comparison; 2 to 5 are usual
 SIZE = {"determinant": 40, "trace": 20, "screened": 8}  # of a population, for 50 touches or fewer
 SMALLEST = 6
-SEARCHES = 12  # for each member of a population
+SEARCHES = 12  # for each member of a population, where so many rows are close;
+CLOSE_ROWS = (
+    800  # with fewer the searches fall as their square: there are fewer good sets, and chance finds one sooner,
+)
+CHEAP = 25  # but not below that of a pool of so many rows, in which a search costs next to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +74,9 @@ def exact_design(
 
     Only `allowed` candidates are chosen, from all if not given; the search begins with a set completed from `start`, as
     far as that keeps the rules. `quotas` are the smallest and largest number of touches per `face` (a number or a
-    name); no two touches are closer than `min_distance` in `positions`. The search makes `iterations` local searches
-    and is the same for the same `rng`; with `seconds` it goes on until they are over, and what it finds depends on the
-    machine.
+    name); no two touches are closer than `min_distance` in `positions`. The search makes `iterations` local searches,
+    as many as the problem needs if not given, and is the same for the same `rng`; with `seconds` it goes on until they
+    are over, and what it finds depends on the machine.
     """
     question = task(
         rows, n, criterion, prior=prior, zone=zone, fixed=fixed, allowed=allowed, face=face, quotas=quotas,
@@ -82,7 +86,7 @@ def exact_design(
     relaxation = question.relaxed(repeats) if relaxation is None else relaxation
     level, M = _scaled(question, relaxation)
     basis = whitener(M)
-    size, iterations = _effort(question, iterations)
+    size, iterations = _effort(question, relaxation.closeness, iterations)
     begin = np.zeros(0, int) if start is None else np.intersect1d(start, question.free)
     found, searches = _searched(question, relaxation.closeness, basis, size, rng, _progress(seconds, iterations), begin)
     best = max((_polished(question, basis, ids) for ids in found), key=lambda winner: winner.log)
@@ -99,15 +103,22 @@ def exact_design(
     )
 
 
-def _effort(question: Task, iterations: int | None) -> tuple[int, int]:
+def _effort(question: Task, closeness: Float[np.ndarray, " candidates"], iterations: int | None) -> tuple[int, int]:
     """Members of a population, and local searches: fewer for many touches, which are nearer to the bound anyway."""
     kind = question.criterion.swaps
     size = max(SMALLEST, SIZE[kind] * 50 // max(50, question.slots))
     if iterations is None:
-        return size, size * SEARCHES
+        share = min(1.0, max((_close(question, closeness) / CLOSE_ROWS) ** 2, CHEAP / len(question.free)))
+        share = 1.0 if kind == "screened" else share  # they look at a few swaps only, and chance finds less
+        iterations = int(np.ceil(size * SEARCHES * share))
     if iterations < 1:
         raise ValueError(f"iterations: {iterations}, expected at least 1")
     return min(size, max(SMALLEST, iterations // 10)), iterations
+
+
+def _close(question: Task, closeness: Float[np.ndarray, " candidates"]) -> int:
+    """Rows that the relaxation uses or nearly uses."""
+    return int((closeness[question.free[question.free < len(question.rows)]] >= CLOSE).sum())
 
 
 def _progress(seconds: float | None, iterations: int) -> Callable[[int], float]:
@@ -202,8 +213,7 @@ def _searched(
     begin: Members,
 ) -> tuple[list[Members], int]:
     """The best sets of a search in a pool, from a beginning of a set; in a larger one where the rules leave none."""
-    close = int((closeness[question.free[question.free < len(question.rows)]] >= CLOSE).sum())
-    many = max(5 * question.slots, int(np.clip(close, *POOL)))
+    many = max(5 * question.slots, int(np.clip(_close(question, closeness), *POOL)))
     while True:
         ids = np.union1d(_pool(question, closeness, many), begin)
         pool = Pool(_swaps(question, basis, ids), question.rules.take(ids), question.slots)
