@@ -47,7 +47,6 @@ def calibrate(
         problem = Problem.pose(cell, problem.rows, loss, priors, eliminate)
         start = start if not selection.errors else None  # of another robot
     estimate = problem.estimate(start)
-    seen = problem.sight(estimate.x, estimate.weight)
     problem.require_rank(estimate.x, estimate.weight, "at the solution")
     held_out = _held_out(problem, estimate, folds, rng)
     residual = problem.residual(estimate.x)
@@ -65,7 +64,7 @@ def calibrate(
         covariance=problem.covariance(estimate.x, estimate.weight),
         scatter=scatter,
         scatter_significant=significant,
-        weak=seen.weak,
+        weak=problem.weak(estimate.x, estimate.weight),
         outliers=_worst(problem.rows, residual, ~estimate.used),
         fit=summarize(problem.rows.take(estimate.used).distances(residual[estimate.used])),
         held_out=None if held_out is None else summarize(held_out),

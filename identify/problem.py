@@ -10,7 +10,16 @@ from jaxtyping import Bool, Float
 from identify.least_squares import LOSSES, LeastSquares, Objective, Part, Solution
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.identifiability import Identifiability, Sight, everything, rank_of, sight, still_joints, structure
+from identify.model.identifiability import (
+    Identifiability,
+    Sight,
+    everything,
+    rank_of,
+    sight,
+    still_joints,
+    structure,
+    weak,
+)
 from identify.model.measurement import Rows, measurement_model
 from identify.starting import starting_point
 
@@ -115,9 +124,11 @@ class Problem:
             self._residual_at = x.copy(), np.concatenate([r for _, r, _ in self.linearized(x)])
         return self._residual_at[1]
 
-    def sight(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Sight:
-        """What the touches see of all kept parameters."""
-        return sight(self._triangle(x, weight), self.names)
+    def weak(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> tuple[str, ...]:
+        """Parameters in directions that the touches see less well than the priors do."""
+        scale = self.cell.scale[self.kept]
+        G = sum((J.T * weight[part] ** 2) @ J for part, _, J in self.linearized(x)) * np.outer(scale, scale)
+        return weak(G, self.names)
 
     def geometry(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Sight:
         """What the touches see of the parameters that they have to determine."""

@@ -6,7 +6,7 @@ from oracle import error_propagation
 
 from identify.model.cell import Cell
 from identify.model.description import library, read_robot
-from identify.model.identifiability import independent, sight, structure
+from identify.model.identifiability import independent, rank_of, sight, structure, weak
 
 OFF_AXIS = np.array([20.0, 30.0, 100.0, 0.0, 0.3, 0.0])  # a tip beside the last axis, as a generic tool has
 
@@ -72,11 +72,13 @@ def test_independent_columns_agree_with_scipy_s_pivoted_rank(rng):
 def test_sight_names_what_is_lost_and_what_is_weak(rng):
     J = rng.normal(size=(30, 4)) * [100.0, 100.0, 0.01, 0.0]
 
-    seen = sight(J, ["base.x", "base.y", "j1.beta", "tool.z"])
+    names = ["base.x", "base.y", "j1.beta", "tool.z"]
 
-    assert seen.rank == 3
+    seen = sight(J, names)
+
+    assert seen.rank == rank_of(J) == 3
     assert seen.lost == ("tool.z",)
-    assert set(seen.weak) == {"j1.beta", "tool.z"}  # what is not seen is told by the prior alone
+    assert set(weak(J.T @ J, names)) == {"j1.beta", "tool.z"}  # what is not seen is told by the prior alone
 
 
 def test_touches_over_the_jig_see_all_that_the_structure_keeps(arc_welder, rng):

@@ -140,26 +140,25 @@ def independent(
     }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Sight:
-    """How well given touches see the kept parameters, beside the priors."""
+    """What given touches see of the kept parameters."""
 
     rank: int
-    singular: Float[np.ndarray, " parameters"]  # of the Jacobian in units of sigma a prior standard deviation
     lost: tuple[str, ...]  # parameters in directions that the touches do not see at all
-    weak: tuple[str, ...]  # parameters in directions that the touches see less well than the priors do
 
 
 def sight(J: Float[np.ndarray, "rows kept"], names: Sequence[str]) -> Sight:
-    """Rank and weak directions of a Jacobian with rows divided by sigma and columns scaled by the priors.
+    """Rank of a Jacobian, columns of one length: what can be told apart does not depend on what was known before."""
+    _, s, Vt = np.linalg.svd(_even(J), full_matrices=True)
+    rank = int((s >= UNSEEN).sum())
+    return Sight(rank, _dominant(Vt[rank:], names))
 
-    The rank is taken with columns of one length: what can be told apart does not depend on what was known before.
-    """
-    square = np.asarray(np.linalg.qr(J, mode="r"))  # as many rows as columns at the most, however many touches
-    even, rank = _even(square), rank_of(square)
-    s, Vt = _singular(square)
-    lost = _dominant(_singular(even)[1][rank:], names) if rank < len(names) else ()
-    return Sight(rank, s, lost, _dominant(Vt[s < 1.0], names))
+
+def weak(G: Float[np.ndarray, "kept kept"], names: Sequence[str]) -> tuple[str, ...]:
+    """Parameters in directions that touches of information G, in units of the priors, see less well than these do."""
+    squares, directions = np.linalg.eigh(G)
+    return _dominant(directions.T[squares < 1.0], names)
 
 
 def rank_of(J: Float[np.ndarray, "rows kept"]) -> int:
@@ -171,12 +170,6 @@ def _even(J: Float[np.ndarray, "rows kept"]) -> Float[np.ndarray, "rows kept"]:
     """Columns of length one, or zero."""
     size = np.linalg.norm(J, axis=0)
     return np.asarray(J / np.where(size > 1e-9 * size.max(initial=0.0), size, np.inf))
-
-
-def _singular(A: Float[np.ndarray, "rows kept"]) -> tuple[np.ndarray, np.ndarray]:
-    """As many singular values as columns, and their directions."""
-    _, s, Vt = np.linalg.svd(A, full_matrices=True)
-    return np.concatenate([s, np.zeros(len(Vt) - len(s))]), Vt
 
 
 def _dominant(directions: Float[np.ndarray, "directions kept"], names: Sequence[str]) -> tuple[str, ...]:
