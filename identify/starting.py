@@ -17,8 +17,13 @@ def starting_point(cell: Cell, rows: Rows) -> Float[np.ndarray, " parameters"]:
     """
     if cell.base is not None and cell.tool is not None:
         return cell.theta
+    offset, points = rows.offset, _points(rows)
+    if points is not None and cell.base is None and cell.tool is None:
+        first, point = points
+        o, F = cell.kinematics.flange(rows.q[first], cell.theta)
+        base, tool = _from_points(point, F, o)
+        return cell.robot.theta(base, np.concatenate([tool, np.zeros(3)]))
     o, F = cell.kinematics.flange(rows.q, cell.theta)
-    offset = rows.offset
     if cell.base is not None:
         tool = _tool_point(cell.base, rows, F, o)
         return cell.robot.theta(cell.base, np.concatenate([tool, np.zeros(3)]))
@@ -26,12 +31,7 @@ def starting_point(cell: Cell, rows: Rows) -> Float[np.ndarray, " parameters"]:
         tip = (F @ cell.tool[:3, None])[..., 0] + o
         base = _base(rows.normal, offset, tip)
         return cell.robot.theta(base, cell.tool)
-    points = _points(rows)
-    if points is None:
-        base, tool = _from_planes(rows.normal, offset, F, o)
-    else:
-        index, point = points
-        base, tool = _from_points(point, F[index], o[index])
+    base, tool = _from_planes(rows.normal, offset, F, o)
     return cell.robot.theta(base, np.concatenate([tool, np.zeros(3)]))
 
 

@@ -51,15 +51,19 @@ IDENTIFY = {
     "touches": (*ANY, ("with_touchcal", "touchcal batch")),
 }  # fmt: skip
 LARGE = (
-    ("with_touchcal", "touchcal exact_design"), ("with_touchcal", "touchcal 48 searches"),
+    ("with_touchcal", "touchcal exact_design"), ("with_touchcal", "touchcal 480 searches"),
     ("with_cvxpy", "cvxpy Clarabel"),
 )  # fmt: skip
-SELECT = {"oed500": (*LARGE, ("with_figaroh", "figaroh SOCP"), ("with_figaroh", "figaroh Detmax")), "oed4k": LARGE}
+SELECT = {
+    "oed500": (*LARGE, ("with_figaroh", "figaroh SOCP"), ("with_figaroh", "figaroh Detmax")),
+    "oed4k": LARGE, "oed20k": LARGE,
+}  # fmt: skip
 RACERS = IDENTIFY | SELECT
-COLOURS = {"tracker": AFTER, "irb120": OUT, "touches": BEFORE, "oed500": AFTER, "oed4k": OUT}
+COLOURS = {"tracker": AFTER, "irb120": OUT, "touches": BEFORE, "oed500": AFTER, "oed4k": OUT, "oed20k": BEFORE}
 WORDS = {
     "tracker": "simulated, tracker", "irb120": "IRB 120, measured", "touches": "simulated, touches",
     "oed500": "50 of 500 touches", "oed4k": "50 of 4,000 touches",
+    "oed20k": "50 of 20,000 touches",
 }  # fmt: skip
 
 
@@ -77,6 +81,7 @@ def tasks(small: bool) -> list[dict[str, Any]]:
         *found,
         {"data": "oed500", "draw": 0, "size": 500, "seconds": 150},
         {"data": "oed4k", "draw": 0, "size": 4000, "seconds": 90},
+        {"data": "oed20k", "draw": 0, "size": 20_000, "seconds": 300},
     ]
 
 

@@ -116,5 +116,5 @@ def exact(searches: int | None) -> Callable[[Problem], Problem]:
 
 METHODS = {
     "touchcal calibrate": full, "touchcal one fit": alone, "touchcal batch": many, "SciPy our Jacobian": scipy,
-    "touchcal exact_design": exact(None), "touchcal 48 searches": exact(48),
+    "touchcal exact_design": exact(None), "touchcal 480 searches": exact(480),
 }  # fmt: skip
