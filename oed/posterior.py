@@ -1,5 +1,6 @@
 """What a few touches and the tolerances tell together, while the touches alone could not determine the robot."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,6 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.model.calibration import Calibration, Errors, Residual, fingerprints, summarize
 from identify.model.cell import Cell
+from identify.model.jig import Face, Jig
 from identify.model.measurement import Rows, measurement_model, rows
 from identify.model.touch import Touches
 
@@ -15,8 +17,14 @@ BEYOND = 5.0  # standard deviations at which a touch is on something else
 DRAWS = 1000  # robots that the tolerances allow, looked at for starts
 STARTS = 16
 BLUR = (20.0, 8.0, 3.0, 1.0)  # [mm], how exactly touches are taken while it is being found out what they met
+TURNS = 8  # of faces and parameters, for each blur
+DOUBTED = 2.0  # blurs from its face at which a touch weighs a quarter
+SETTLED = 0.01  # of a tolerance, by which the parameters change no more
 RARE = 6.0  # -2 log of how much rarer another face is met than the planned one
-ALIKE = 0.7  # least cosine between the normals of the planned face and of one that the search may meet instead
+ALIKE = 0.7  # least cosine between the normals of the planned face and of one that a search from nowhere may meet
+GRAZING = 0.05  # largest cosine between a search and the normal of a face that it may meet: a robot may be off
+SOLID = "a box"  # what is no face: named by nothing
+ROUGH = 1.0  # [mm], how exactly a box is known
 REST = 2.0  # [mm], by which a contact may lie beside its face, beside three standard deviations
 
 
@@ -42,7 +50,7 @@ def believe(cell: Cell, touches: Touches) -> Belief:
     parameters, with touches taken more and more exactly; the most probable end is returned.
     """
     search = _Search(cell, touches)
-    ends = [search.settle(start) for start in search.starts()]
+    ends = [search.settle(start, blurs) for start in search.starts() for blurs in (BLUR, BLUR[1:])]
     theta, face = min(ends, key=lambda end: search.surprise(*end))
     return search.belief(theta, face)
 
@@ -54,16 +62,18 @@ class _Search:
 
     def __post_init__(self) -> None:
         assert self.cell.jig is not None
-        faces = self.cell.jig.faces
+        faces = (*self.cell.jig.faces, *_sides(self.cell.jig))
         self.free = free(self.cell)
         self.prior = self.cell.prior[self.free]
         self.model = measurement_model(self.cell.robot)
         self.rows = rows(self.cell.wire, [self.touches], self.cell.robot.temperature)
+        self.rough = np.arange(len(faces)) >= len(self.cell.jig.faces)
         self.names = tuple(f.name for f in faces)
         self.normal, self.offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])
         self.origin, self.size = np.stack([f.origin for f in faces]), np.stack([f.size for f in faces])
         self.axes = np.stack([np.stack([f.u, f.v]) / f.size[:, None] for f in faces])
         self.planned = np.array([self.names.index(name) for name in self.touches.face])
+        self.possible = self._towards() | (self.planned[:, None] == np.arange(len(faces)))
 
     def starts(self) -> list[Float[np.ndarray, " parameters"]]:
         """The nominal robot, and those drawn from the tolerances that fit the touches best."""
@@ -75,15 +85,17 @@ class _Search:
         return [self.cell.theta, *drawn[best]]
 
     def settle(
-        self, theta: Float[np.ndarray, " parameters"]
+        self, theta: Float[np.ndarray, " parameters"], blurs: Sequence[float]
     ) -> tuple[Float[np.ndarray, " parameters"], Int[np.ndarray, " touches"]]:
-        """Parameters and faces that belong together."""
-        face = self.nearest(theta, BLUR[0])
-        for blur in BLUR:
-            for _ in range(6):
-                theta, _ = self.solve(theta, face, np.full(len(face), blur), steps=3)
+        """Parameters and faces that belong together; touches are taken as exactly as each blur says, by turns."""
+        every, face = np.arange(len(self.planned)), self.nearest(theta, blurs[0])
+        for blur in blurs:
+            for _ in range(TURNS):
+                off = self._misfit(theta, blur)[every, face]
+                before, (theta, _) = theta, self.solve(theta, face, blur * (1 + off / DOUBTED**2), steps=2)
                 again = self.nearest(theta, blur)
-                if np.array_equal(again, face):
+                moved = np.abs((theta - before)[self.free] / self.prior).max()
+                if np.array_equal(again, face) and moved < SETTLED:
                     break
                 face = again
         return theta, face
@@ -96,14 +108,14 @@ class _Search:
 
     def belief(self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]) -> Belief:
         """The most probable parameters with touches as exact as they are, without those that do not agree."""
-        sigma, used = self.rows.sigma, np.ones(len(face), dtype=bool)
-        for _ in range(len(face)):
+        sigma = np.where(self.rough[face], ROUGH, self.rows.sigma)
+        used = self._misfit(theta, BLUR[-1])[np.arange(len(face)), face] < BEYOND**2
+        while True:
             theta, C = self.solve(theta, face, np.where(used, sigma, np.inf), steps=STEPS)
             r, J = self._linearize(theta, face)
             W = J[:, self.free] * self.prior / sigma[:, None]
             known = np.einsum("ij,jk,ik->i", W, C, W)
-            left = np.sqrt(np.clip(1 - known, 1e-9, 1))
-            away = np.where(used, np.abs(r) / sigma / left, 0.0)
+            away = np.where(used, np.abs(r) / sigma / np.sqrt(np.clip(1 - known, 1e-9, 1)), 0.0)
             worst = int(np.argmax(away))
             if away[worst] <= BEYOND:
                 break
@@ -151,8 +163,33 @@ class _Search:
         high = tip @ self.normal.T - self.offset
         local = np.einsum("fai,mfi->mfa", self.axes, tip[:, None] - self.origin)
         beside = np.maximum(np.maximum(-local, local - self.size) - REST, 0.0)
+        return np.where(self.possible, (high**2 + (beside**2).sum(axis=2)) / blur**2, np.inf)
+
+    def _towards(self) -> Bool[np.ndarray, "touches faces"]:
+        """Faces that the tip moves towards in a search; where it is not known, those that look like the planned one."""
         alike = self.normal[self.planned] @ self.normal.T > ALIKE
-        return np.where(alike, (high**2 + (beside**2).sum(axis=2)) / blur**2, np.inf)
+        if self.touches.approach is None:
+            return alike
+        start, end = (self.cell.kinematics.tip(q, self.cell.theta)[0] for q in (self.touches.approach, self.rows.q))
+        way = end - start
+        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+        return np.where(np.isnan(way).any(axis=1, keepdims=True), alike, way @ self.normal.T < GRAZING)
+
+
+def _sides(jig: Jig) -> list[Face]:
+    """What a search may meet beside the faces: sides of solid boxes, the table among them, where no face is."""
+    sides = list[Face]()
+    for box in jig.boxes:
+        lower, upper = np.array(box.lower), np.array(box.upper)
+        for axis in range(3):
+            u, v = np.roll(np.diag(upper - lower), -axis, axis=0)[1:]
+            high = np.where(np.arange(3) == axis, upper, lower)
+            sides += [Face(SOLID, high, u, v), Face(SOLID, lower, v, u)]
+    return [side for side in sides if not any(_in_one_plane(side, face) for face in jig.faces)]
+
+
+def _in_one_plane(side: Face, face: Face) -> bool:
+    return bool(side.normal @ face.normal > 1 - 1e-9) and abs(side.offset - face.offset) < 1e-6
 
 
 def free(cell: Cell) -> Bool[np.ndarray, " parameters"]:

@@ -29,7 +29,7 @@ def toucher(cell, truth, rng, calls=None):
     def touch(job):
         if calls is not None:
             calls.append(job)
-        return touch_batch(replace(cell, touch=job.cell.touch), truth, job.plan, rng)
+        return touch_batch(replace(cell, touch=job.cell.touch), truth, job.plan, rng, blind=True)
 
     return touch
 

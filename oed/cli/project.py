@@ -92,7 +92,7 @@ def _read(path: Path, cell: Cell, plan: Plan) -> Touches:
     none = np.full(len(rest), np.nan)
     return joined(hits, Touches(
         rest.ids, rest.face, rest.q, rest.normal, none, none, tuple(status[name] for name in rest.ids), none,
-        ("",) * len(rest), ("",) * len(rest),
+        ("",) * len(rest), ("",) * len(rest), rest.approach,
     ))  # fmt: skip
 
 

@@ -24,15 +24,17 @@ def search_end(cell: Cell, plan: Plan) -> Float[np.ndarray, "touches joints"]:
 
 
 def touch_batch(
-    cell: Cell, truth: Truth, plan: Plan, rng: np.random.Generator, *, sigma: float | None = None, timing: bool = False
-) -> Touches:
+    cell: Cell, truth: Truth, plan: Plan, rng: np.random.Generator, *, sigma: float | None = None, timing: bool = False,
+    blind: bool = False,
+) -> Touches:  # fmt: skip
     """What a robot measures that is truly `truth`, when it makes the touches of a plan one after the other.
 
     Each touch searches along the straight line in joint space from the approach through the planned point and on to
     `search_end`, and stops at the first thing it meets. Contacts scatter by `sigma` [mm] along the normal (default:
     the truth's, else the cell's `touch.sigma`); joint noise and backlash of the truth act too. With `timing`, the
     latch is late by the relay delay and falls on a servo step. Status: hit where the planned face was met; early where
-    the wire touched at the approach already; miss elsewhere, with the note saying what was met.
+    the wire touched at the approach already; miss elsewhere, with the note saying what was met. With `blind`, whatever
+    is met is a hit: a controller cannot tell.
     """
     if cell.jig is None:
         raise ValueError("touches need a jig; name one in cell.yaml (jig: library:step-block)")
@@ -51,7 +53,9 @@ def touch_batch(
     found = (met != NO_FACE) & (latch < 1) & ~early
     latch = np.where(found | early, latch, 1.0)
     q = plan.approach + latch[:, None] * (end - plan.approach)
-    return _touches(cell, truth, plan, q, np.array([*surface.names, ""])[np.where(found, met, NO_FACE)], found, early)
+    return _touches(
+        cell, truth, plan, q, np.array([*surface.names, ""])[np.where(found, met, NO_FACE)], found, early, blind
+    )
 
 
 def joint_spread(cell: Cell, by_kind: tuple[float, float]) -> Float[np.ndarray, " joints"]:
@@ -87,14 +91,14 @@ def _late(
 
 def _touches(
     cell: Cell, truth: Truth, plan: Plan, q: Float[np.ndarray, "touches joints"], met: np.ndarray,
-    found: Bool[np.ndarray, " touches"], early: Bool[np.ndarray, " touches"],
+    found: Bool[np.ndarray, " touches"], early: Bool[np.ndarray, " touches"], blind: bool,
 ) -> Touches:  # fmt: skip
     assert cell.jig is not None
     faces = cell.jig.by_name
     planned = np.array(plan.face)
     names, where = np.unique(planned, return_inverse=True)
     known = [faces[name] for name in names]
-    hit = found & (met == planned)
+    hit = found & (blind | (met == planned))
     note = np.where(found, np.char.add("touched ", met), f"no contact within {cell.touch.travel:g} mm")
     note = np.where(early, "in contact at the approach", np.where(hit, "", note))
     return Touches(
