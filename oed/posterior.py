@@ -50,7 +50,7 @@ def believe(cell: Cell, touches: Touches) -> Belief:
     parameters, with touches taken more and more exactly; the most probable end is returned.
     """
     search = _Search(cell, touches)
-    ends = [search.settle(start, blurs) for start in search.starts() for blurs in (BLUR, BLUR[1:])]
+    ends = [search.settle(start, blurs) for start in search.starts() for blurs in (BLUR, BLUR[1:], BLUR[2:])]
     theta, face = min(ends, key=lambda end: search.surprise(*end))
     return search.belief(theta, face)
 

@@ -51,8 +51,8 @@ def first(known):
 
 @pytest.fixture(scope="module")
 def done(known):
-    truth = draw_truth(known, np.random.default_rng(2))
-    rng = np.random.default_rng(3)
+    truth = draw_truth(known, np.random.default_rng(4))
+    rng = np.random.default_rng(5)
     return truth, campaign(known, target_mm=0.3, rng=rng, touch=toucher(known, truth, rng), planner=quickly)
 
 
@@ -118,6 +118,52 @@ def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(kno
 
     assert not belief.as_planned(moved)[high]
     assert belief.as_planned(moved).sum() >= len(moved) - 2
+
+
+@pytest.fixture(scope="module")
+def far(arc_welder):
+    """The cell with searches for a robot that may be 80 mm off, and a few of them."""
+    wide = replace(arc_welder, touch=replace(arc_welder.touch, approach=80.0, travel=160.0))
+    return wide, plan_warily(wide, 16, np.random.default_rng(4))
+
+
+@pytest.mark.parametrize("seed", [0, 4, 6])
+def test_searches_that_met_another_face_or_the_table_are_told_from_the_others(far, seed):
+    wide, plan = far
+    truth = draw_truth(wide, np.random.default_rng([seed, 77]))
+    told, made = (touch_batch(wide, truth, plan, np.random.default_rng(seed), blind=blind) for blind in (False, True))
+    hit = np.array([status == "hit" for status in made.status])
+    told, made = told.take(hit), made.take(hit)
+    met = [note.removeprefix("touched ") or face for face, note in zip(told.face, told.note, strict=True)]
+    met = [name if name in wide.jig.by_name else "a box" for name in met]
+    assert sum(a != b for a, b in zip(met, made.face, strict=True)) >= 4
+
+    belief = believe(wide, made)
+
+    wrong = np.array([a != b for a, b in zip(belief.touches.face, met, strict=True)])
+    off = [
+        np.linalg.norm(wide.kinematics.tip(made.q, theta)[0] - wide.kinematics.tip(made.q, truth.theta)[0], axis=1)
+        for theta in (wide.theta, belief.theta)
+    ]
+    assert wrong.sum() <= 1
+    assert off[1].max() < 0.7 * off[0].max()
+
+
+def test_a_touch_made_once_more_with_shorter_searches_still_reaches_its_contact(known, far, monkeypatch):
+    monkeypatch.setattr("oed.campaign.plan_warily", lambda *planned: far[1])
+    jobs = []
+
+    def refuse(job):
+        jobs.append(job)
+        raise Killed
+
+    with pytest.raises(Killed):
+        campaign(known, target_mm=0.3, rng=np.random.default_rng(0), touch=refuse)
+
+    cell, plan = jobs[0].cell, jobs[0].plan
+    tip = [cell.kinematics.tip(q, known.theta)[0] for q in (plan.approach, plan.q)]
+    assert cell.touch.approach < 70
+    assert np.linalg.norm(tip[1] - tip[0], axis=1).max() < cell.touch.travel
 
 
 def test_the_believed_cell_has_the_believed_robot(known, rng):
