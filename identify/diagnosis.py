@@ -80,10 +80,10 @@ class _Case:
         self.problem, self.estimate, self.measured = problem, estimate, measured
         self.theta = problem.theta(estimate.x)
         self.rows, self.robot = problem.rows, problem.cell.robot
-        kinematics, q = problem.cell.kinematics, self.rows.q
-        _, R, J = kinematics.pose_jacobian(q, self.theta)
-        self.lever = np.einsum("mk,mkj->mj", self.rows.normal, J[:, :3, :])  # [mm/rad] or 1
-        self.along = np.einsum("mk,mk->m", self.rows.normal, R[:, :, 2])  # of the wire, on the normal
+        self.first = np.searchsorted(self.order, np.arange(len(self.rows.ids)))  # row of each measurement
+        _, R, J = problem.cell.kinematics.pose_jacobian(self.rows.q[self.first], self.theta)
+        self.lever = np.einsum("mk,mkj->mj", self.rows.normal, J[self.order, :3, :])  # [mm/rad] or 1
+        self.along = np.einsum("mk,mk->m", self.rows.normal, R[self.order, :, 2])  # of the wire, on the normal
         self._residuals: dict[bytes, Residuals] = {}
 
     @property
@@ -191,8 +191,8 @@ def _unsettled(case: _Case) -> Iterator[Finding]:
     """Joints read before they stood: they lag on the way from the measurement before."""
     if not all(isinstance(table, Positions) for table in case.measured):
         return
-    first = np.searchsorted(case.order, np.arange(len(case.rows.ids)))
-    step = np.diff(case.rows.q[first], axis=0, prepend=case.rows.q[first][:1])
+    stands = case.rows.q[case.first]
+    step = np.diff(stands, axis=0, prepend=stands[:1])
     ways = case.lever * step[case.order]
     residuals = case.residuals(np.ones(len(case.rows), dtype=bool)).without(case.lever * case.rows.q)  # gears
     lag, sure = residuals.amount(ways.sum(axis=1))

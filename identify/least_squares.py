@@ -15,6 +15,7 @@ from identify.least_squares_program import minimize
 UNNOTICED = 0.02  # of the objective, half a chi-square: the worst direction is right to a fifth of its deviation
 NEAR, EXACT = 0.3, 1e-4  # [standard deviations], gradients at which Ipopt stops: asked for less it drowns in rounding
 THERE = 1e-3  # [standard deviations] to the minimum: nobody asks for more
+NEARLY = 0.03  # [standard deviations], where a linear problem stands for another
 STEPS, WALK = 2, 10  # of Newton: at the end, 1 is usual; without Ipopt
 SOLVED = "Solve_Succeeded"
 Part = tuple[slice, Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]
@@ -136,7 +137,7 @@ class LeastSquares:
         begin = time.perf_counter()
         x, status, iterations = self._minimized(start, NEAR if self._free else EXACT)
         if self._free and status == SOLVED:
-            x, steps, left = self._polished(x, STEPS)
+            x, steps, left = self._polished(x, STEPS, THERE)
             iterations += steps
             if not left < THERE:
                 x, status, more = self._minimized(x, EXACT)
@@ -156,16 +157,16 @@ class LeastSquares:
         self, objective: Objective, start: Float[np.ndarray, " unknowns"]
     ) -> Float[np.ndarray, " unknowns"] | None:
         """The minimum of an objective like this one, if Newton steps alone lead there, each shorter than the last."""
-        x, _, left = self._polished(start, WALK, objective)
-        return x if left < THERE else None
+        x, _, left = self._polished(start, WALK, NEARLY, objective)
+        return x if left < NEARLY else None
 
     def _polished(
-        self, x: Float[np.ndarray, " unknowns"], most: int, objective: Objective | None = None
+        self, x: Float[np.ndarray, " unknowns"], most: int, enough: float, objective: Objective | None = None
     ) -> tuple[Float[np.ndarray, " unknowns"], int, float]:
         """Where some Newton steps lead, each shorter than the one before; their number; the size of the next."""
         step, size = self._newton(x, objective)
         for made in range(most):
-            if size < THERE:
+            if size < enough:
                 return x, made, size
             further, less = self._newton(x + step, objective)
             if not less < size:

@@ -264,11 +264,10 @@ class Problem:
         residual: Float[np.ndarray, " rows"] | None = None,
     ) -> Float[np.ndarray, " measured"]:  # fmt: skip
         """The largest residual of each touch in units of what chance makes of a good one, leverage considered."""
-        L = np.linalg.cholesky(self.precision(x, weight))
-        size = np.empty(len(self.rows))
+        C, size = self.covariance(x, weight), np.empty(len(self.rows))
         for part, r, J in self.linearized(x):
             w = weight[part]
-            leverage = (np.linalg.solve(L, J.T * w) ** 2).sum(axis=0)
+            leverage = w**2 * ((J @ C) * J).sum(axis=1)
             size[part] = np.abs(r if residual is None else residual[part]) * w / np.sqrt(np.clip(1 - leverage, 0.05, 1))
         worst = np.zeros(len(self.rows.ids))
         np.maximum.at(worst, self.rows.owner, size)

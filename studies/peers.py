@@ -3,7 +3,8 @@
 Setup: one run, one thread, each racer in a process of its own with a limit of processor time. Identification: the
 paper's robot drawn from its tolerances, 100 positions seen by a tracker or 100 touches of planes (0.05 mm), and a real
 IRB 120, 100 of its 500 measured positions; three draws each; the error is that of the tip at 300 to 400 poses that no
-racer saw. Time is the median of up to nine runs after the first, and reads no file that a racer can do without.
+racer saw. Time is processor time, the least of nine runs after the first or of a second of them, since others use the
+machine; it reads no file that a racer can do without.
 All minimise the same sum of squares with the same tolerances as priors, where they can: SciPy by `trf` and `lm` with
 parameters scaled by their tolerances and equations written in NumPy for all touches at once; figaroh as its
 documentation advises where tolerances are known (`map`), and by default (`structural`); pybotics as in its example.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-REPEATS = 9
+REPEATS, LEAST = 9, 1.0  # runs, or seconds of them, after the first
 MEMORY = 8 << 30  # [bytes]: a racer may not take the machine down
 SHARE = 0.1  # of the time allowed that goes into repeats
 
@@ -29,11 +29,11 @@ def main(racer: str, method: str, problem: str, answer: str, seconds: str) -> No
         data = dict(file)
     first, found = timed(solve, data)
     again: list[float] = []
-    while len(again) < REPEATS and sum(again) + first < SHARE * float(seconds):
+    while (len(again) < REPEATS or sum(again) < LEAST) and sum(again) + first < SHARE * float(seconds):
         again.append(timed(solve, data)[0])
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     share = found.pop("share", 1.0)  # of a batch
-    times = {"first_s": first * share, "cpu_s": np.median(again or [first]) * share}
+    times = {"first_s": first * share, "cpu_s": min(again or [first]) * share}
     np.savez(answer, runs=1 + len(again), peak_mb=peak, **times, **found)  # type: ignore[arg-type]
 
 
