@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,6 +20,7 @@ from oed.ways import COARSE, astray, like
 
 GAP = 3e-3  # of the relaxation: its bound holds at any gap
 FEW = 6  # local searches, where touches are chosen again and again
+USED = 60  # touches of the relaxation that are asked whether clear ways join them
 POOL = 1500  # touches that an exchange for several robots looks at
 TRIES = 4  # of choosing again where the chosen cannot be visited
 MENDS = 6  # of replacing what cannot be visited
@@ -65,6 +67,23 @@ def visited(
     return best
 
 
+def linked(best: "Best") -> Bool[np.ndarray, " touches"]:
+    """The touches on offer without those that no clear way seems to join to most of what the relaxation uses."""
+    offered, n = best.offered, best.n
+    cell, at, allowed = offered.known.cell, offered.found.approach, np.ones(len(offered.found), dtype=bool)
+    for _ in range(TRIES):
+        weights = best.bound(allowed).weights
+        some = np.argsort(-weights, kind="stable")[:USED]
+        used = np.flatnonzero(allowed)[some]
+        group = offered.groups(offered.found.take(used))
+        main = group == np.argmax(np.bincount(group, weights[some]))
+        fewer = allowed & ~like(cell, at, at[used[~main]], at[used[main]])
+        if main.all() or fewer.sum() < n:
+            break
+        allowed = fewer
+    return allowed
+
+
 def _mended(
     offered: Offer,
     chosen: Int[np.ndarray, " n"],
@@ -86,38 +105,54 @@ def _mended(
     return kept
 
 
-def optimal(
-    offered: Offer,
-    n: int,
-    criterion: str,
-    tip: Float[np.ndarray, "poses 3 kept"] | None = None,
-    *,
-    bound: ApproximateDesign | None = None,
-    searches: int = FEW,
-) -> Pick:
-    """Choose what is best by a criterion, among what the relaxation nearly uses; what cannot stay is exchanged.
+@dataclass(frozen=True, eq=False)
+class Best:
+    """Choose what is best by a criterion: searched for among what the relaxation nearly uses, then among all.
 
-    `tip` says how what is to be exact moves with the parameters, the tip in the weld zone if not given, and `bound` is
-    the relaxation, if there is one already. `searches` are local ones.
+    `tip` says how what is to be exact moves with the parameters, the tip in the weld zone if not given; `searches` are
+    local ones, fewer where touches have to be chosen again.
     """
-    P, zone = offered.known.precision, _zone(offered, criterion, tip)
-    bound = relaxed(offered, n, criterion, tip) if bound is None else bound
 
-    def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
-        return exact_design(
-            offered.rows, n, criterion, relaxation=bound, prior=P, zone=zone, allowed=allowed, start=before,
-            iterations=searches if before is None else min(searches, FEW), positions=_places(offered), min_distance=1.0,
-        ).indices  # fmt: skip
+    offered: Offer
+    n: int
+    criterion: str
+    tip: Float[np.ndarray, "poses 3 kept"] | None = None
+    searches: int = FEW
 
-    return pick
+    def __call__(
+        self, allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None
+    ) -> Int[np.ndarray, " n"]:
+        """N of those allowed; `before` are touches to begin with, as far as they are."""
+        some = np.flatnonzero(allowed)
+        start = None if before is None else np.searchsorted(some, np.intersect1d(before, some))
+        searches = self.searches if before is None else min(self.searches, FEW)
+        found = exact_design(
+            self.offered.rows[some], self.n, self.criterion, relaxation=self.bound(allowed), start=start,
+            iterations=searches, prior=self.offered.known.precision, zone=self._zone,
+            positions=_places(self.offered)[some], min_distance=1.0,
+        )  # fmt: skip
+        return some[found.indices]
 
+    def bound(self, allowed: Bool[np.ndarray, " touches"]) -> ApproximateDesign:
+        """The best weights on touches, and the bound that they give."""
+        name = allowed.tobytes()
+        if name not in self._bounds:
+            self._bounds[name] = approximate_design(
+                self.offered.rows[allowed], self.criterion, GAP, touches=self.n, prior=self.offered.known.precision,
+                zone=self._zone,
+            )  # fmt: skip
+        return self._bounds[name]
 
-def relaxed(
-    offered: Offer, n: int, criterion: str, tip: Float[np.ndarray, "poses 3 kept"] | None = None
-) -> ApproximateDesign:
-    """The best weights on all touches on offer, and the bound that they give."""
-    zone = _zone(offered, criterion, tip)
-    return approximate_design(offered.rows, criterion, GAP, touches=n, prior=offered.known.precision, zone=zone)
+    @cached_property
+    def _bounds(self) -> dict[bytes, ApproximateDesign]:
+        """By the touches that are allowed."""
+        return {}
+
+    @cached_property
+    def _zone(self) -> Float[np.ndarray, "poses 3 kept"] | None:
+        if not CRITERIA[self.criterion].needs_zone:
+            return None
+        return self.offered.tip if self.tip is None else self.tip
 
 
 def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool) -> Pick:
@@ -125,7 +160,7 @@ def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "mo
 
     The search begins with what is best for the first robot.
     """
-    alone = optimal(offered, n, criterion)
+    alone = Best(offered, n, criterion)
     chosen, needs_zone = CRITERIA[criterion], CRITERIA[criterion].needs_zone
     robots = [
         swaps_of(
@@ -147,14 +182,6 @@ def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "mo
         return start
 
     return pick
-
-
-def _zone(
-    offered: Offer, criterion: str, tip: Float[np.ndarray, "poses 3 kept"] | None
-) -> Float[np.ndarray, "poses 3 kept"] | None:
-    if not CRITERIA[criterion].needs_zone:
-        return None
-    return offered.tip if tip is None else tip
 
 
 def _places(offered: Offer) -> Float[np.ndarray, "touches axes"]:

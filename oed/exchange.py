@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from oed.criteria import Criterion, checked_zone, score
 from oed.population import Found, Pool, evolve
@@ -60,7 +60,6 @@ def exact_design(
     prior: Float[np.ndarray, "parameters parameters"] | None = None,
     zone: np.ndarray | None = None,
     fixed: Int[np.ndarray, " fixed"] | None = None,
-    allowed: Bool[np.ndarray, " candidates"] | None = None,
     start: Int[np.ndarray, " some"] | None = None,
     face: np.ndarray | None = None,
     quotas: Mapping[Any, tuple[int, int]] | None = None,
@@ -72,15 +71,14 @@ def exact_design(
 ) -> ExactDesign:
     """The n touches, `fixed` ones included, that are best by a criterion; or as many as fit a `budget` of `cost`.
 
-    Only `allowed` candidates are chosen, from all if not given; the search begins with a set completed from `start`, as
-    far as that keeps the rules. `quotas` are the smallest and largest number of touches per `face` (a number or a
-    name); no two touches are closer than `min_distance` in `positions`. The search makes `iterations` local searches,
-    as many as the problem needs if not given, and is the same for the same `rng`; with `seconds` it goes on until they
-    are over, and what it finds depends on the machine.
+    `quotas` are the smallest and largest number of touches per `face` (a number or a name); no two touches are closer
+    than `min_distance` in `positions`. The search begins with a set completed from `start`, as far as that keeps the
+    rules. It makes `iterations` local searches, as many as the problem needs if not given, and is the same for the same
+    `rng`; with `seconds` it goes on until they are over, and what it finds depends on the machine.
     """
     question = task(
-        rows, n, criterion, prior=prior, zone=zone, fixed=fixed, allowed=allowed, face=face, quotas=quotas,
-        positions=positions, min_distance=min_distance, repeats=repeats, cost=cost, budget=budget,
+        rows, n, criterion, prior=prior, zone=zone, fixed=fixed, face=face, quotas=quotas, positions=positions,
+        min_distance=min_distance, repeats=repeats, cost=cost, budget=budget,
     )  # fmt: skip
     rng = np.random.default_rng(0) if rng is None else rng
     relaxation = question.relaxed(repeats) if relaxation is None else relaxation

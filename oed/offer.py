@@ -74,13 +74,17 @@ class Offer:
         start: Int[np.ndarray, " touches"] | None = None,
     ) -> tuple[Order, Bool[np.ndarray, "touches touches"]]:
         """A short order of touches along clear ways, and which of them have ways to each other."""
+        return self._roadmap(touches).order(plan_of(touches), rng, kicks, start=start)
+
+    def groups(self, touches: Candidates) -> Int[np.ndarray, " touches"]:
+        """The group of each touch: there seem to be clear ways, over others, between all touches of a group."""
+        return self._roadmap(touches).groups(touches.approach)
+
+    def _roadmap(self, touches: Candidates) -> Roadmap:
         cell, none = self.known.cell, np.empty((0, touches.q.shape[1]))
-        roadmap = (
-            Roadmap(self.ways, cell, self._lifted(touches), self._home)
-            if self.lifting
-            else (Roadmap(self.ways, cell, none, none))
-        )
-        return roadmap.order(plan_of(touches), rng, kicks, start=start)
+        if not self.lifting:
+            return Roadmap(self.ways, cell, none, none)
+        return Roadmap(self.ways, cell, self._lifted(touches), self._home)
 
     def _lifted(self, touches: Candidates) -> Float[np.ndarray, "lifted joints"]:
         """Postures above touches, each looked for once."""

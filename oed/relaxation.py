@@ -100,7 +100,7 @@ def _objectives(
     if criterion.bound == "determinant":
         yield Determinant()
     elif criterion.bound == "trace":
-        yield Trace(basis if zone is None else zone.reshape(-1, zone.shape[-1]) / np.sqrt(len(zone)))
+        yield Trace(basis if zone is None else np.linalg.qr(zone.reshape(-1, zone.shape[-1]), "r") / np.sqrt(len(zone)))
     elif criterion.bound == "power":
         yield Power(POWER)
     else:

@@ -11,7 +11,7 @@ from identify.model.inverse import reach
 from identify.model.touch import Plan
 from oed.clearance import CLEAR, MARGIN
 from oed.sequence import RAMP, Order, minutes, order, travel
-from oed.ways import Ways
+from oed.ways import Ways, components
 
 LIFT = 40.0, 80.0  # [mm] that a lifted tip stands above its approach, or above all of the jig: at least and at most
 TURN = 2.0  # [rad], most that a joint turns on the way up: else the arm goes over into another branch
@@ -58,6 +58,10 @@ class Roadmap:
                 via = _vias(q, [way[1:-1] for way in passed], n, len(begin))
                 placed = with_via(plan.take(tour), via)
                 return Order(tour, via, minutes(self.cell, placed), tuple(blocked.tolist())), np.isfinite(D[:n, :n])
+
+    def groups(self, approach: Float[np.ndarray, "touches joints"]) -> Int[np.ndarray, " touches"]:
+        """The group of each touch, of those that ways connect which seem clear at a coarse look."""
+        return components(self.ways.among(np.concatenate([approach, self.lifted, self.home])))[: len(approach)]
 
 
 def with_via(plan: Plan, via: Float[np.ndarray, "touches vias joints"]) -> Plan:

@@ -1,11 +1,13 @@
 """Which sets of touches are allowed: repeats, distances, quotas per face, a budget of time."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 NEVER = -np.inf
+SMALL = 2000  # rows of a pool of which each is compared with each, once
 Members = Int[np.ndarray, " touches"]
 
 
@@ -33,10 +35,22 @@ class Rules:
         parts = {
             name: value[index] for name in ("face", "position", "cost") if (value := getattr(self, name)) is not None
         }
-        return replace(self, size=len(index), **parts)
+        taken = replace(self, size=len(index), **parts)
+        if "_neighbours" in self.__dict__:
+            taken.__dict__["_neighbours"] = self._neighbours[np.ix_(index, index)]
+        return taken
 
     def near(self, members: Members) -> Bool[np.ndarray, "touches pool"]:
         """Which rows are too close to which members."""
+        if self.size <= SMALL:
+            return self._neighbours[members]
+        return self._near(members)
+
+    @cached_property
+    def _neighbours(self) -> Bool[np.ndarray, "pool pool"]:
+        return self._near(np.arange(self.size))
+
+    def _near(self, members: Members) -> Bool[np.ndarray, "touches pool"]:
         assert self.position is not None
         square = np.einsum("ij,ij->i", self.position, self.position)
         apart = square[members][:, None] + square - 2 * self.position[members] @ self.position.T
@@ -59,7 +73,9 @@ class Rules:
                 table[~fits[self.face[members]][:, self.face]] = NEVER
         if self.position is not None:
             near = self.near(members)
-            table[near.sum(axis=0) > near] = NEVER
+            crowded = np.flatnonzero(near.any(axis=0))
+            near = near[:, crowded]
+            table[:, crowded] = np.where(near.sum(axis=0) > near, NEVER, table[:, crowded])
         if self.cost is not None:
             room = self.budget * (1 + 1e-12) - self.cost[members].sum()
             table[self.cost - self.cost[members][:, None] > room] = NEVER

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from oed.aim import Aim, mean_square
 from oed.candidates import Candidates
 from oed.certificate import certify
-from oed.choice import Pick, optimal, relaxed, robust, visited
+from oed.choice import Best, Pick, linked, robust, visited
 from oed.criteria import CRITERIA
 from oed.even import even
 from oed.information import drawn, touch_sigma
@@ -21,7 +21,7 @@ from oed.sequence import Order
 
 STRATEGIES = ("optimal", "even", "random")
 RETURNS = 5  # times that touches at ways which moving them has blocked are put back
-SEARCHES = 40  # local ones for the set that is refined then: ten times as many are worth half a percent
+SEARCHES = 120  # local ones for the set that is refined then: four times as many are worth half a percent
 SWEEPS = 2  # of moving touches: a third gains nothing that counts
 FEWER = 16  # of them, where each compares sets by a criterion with kinks
 Say = Callable[[str, float], None]
@@ -74,11 +74,10 @@ class Setting:
             touches = self.offered.found.take(visit.order.index)
             order = self._ordered(touches)
             return Choice(touches.take(order.index), order)
-        say("bounding", 0.0)
-        bound = relaxed(self.offered, n, self.criterion)
-        say("choosing", 0.1)
-        pick = optimal(self.offered, n, self.criterion, bound=bound, searches=SEARCHES if self.smooth else FEWER)
-        visit = visited(self.offered, pick, self.rng)
+        say("choosing", 0.0)
+        pick = Best(self.offered, n, self.criterion, searches=SEARCHES if self.smooth else FEWER)
+        visit = visited(self.offered, pick, self.rng, linked(pick))
+        bound = pick.bound(visit.allowed)
         touches = self.offered.found.take(visit.order.index)
         say("refining", 0.5)
         refinement = Refinement(self.offered.known, self.offered.judge)
@@ -87,7 +86,7 @@ class Setting:
         if not self.smooth:
             return Choice(touches, found, self._efficiency(M, bound))
         say("bounding", 0.8)
-        manifold = certify(self.offered, refinement, self.aim, bound.information, n)
+        manifold = certify(self.offered, refinement, self.aim, bound.information, n, visit.allowed)
         return Choice(touches, found, self._efficiency(M, bound), manifold.efficiency(self.aim, M))
 
     def _pick(self, n: int) -> Pick:
@@ -99,7 +98,7 @@ class Setting:
         if self.draws:
             models = np.concatenate([offered.known.theta[None], drawn(offered.known, self.draws, rng)])
             return robust(offered, n, self.criterion, models, self.worst)
-        return optimal(offered, n, self.criterion)
+        return Best(offered, n, self.criterion)
 
     def _refined(
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]

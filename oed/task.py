@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from oed.criteria import Criterion, checked_zone, criterion_named
 from oed.relaxation import ApproximateDesign, approximate_design
@@ -34,21 +34,19 @@ class Task:
     free: Int[np.ndarray, " free"]  # rows that may be chosen
 
     def relaxed(self, repeats: bool) -> ApproximateDesign:
-        """Best weights under the rules that weights can keep: which candidates, number or budget, repeats, quotas."""
+        """Best weights under the rules that weights can keep: number or budget, repeats, quotas."""
         relax = partial(approximate_design, criterion=self.criterion.name, prior=self.known, zone=self.zone)
         rules, real = self.rules, len(self.rows)
-        free = np.isin(np.arange(real), self.free)
-        rows = np.where(free[:, None], self.rows, 0.0)  # a row of zeros never carries weight
         if rules.cost is not None:
             share = rules.cost[:real] / rules.budget
-            return relax(rows / np.sqrt(share)[:, None], cap=None if repeats else share)
+            return relax(self.rows / np.sqrt(share)[:, None], cap=None if repeats else share)
         cap = None if repeats else 1 / self.slots
         quotas = None
         if rules.low is not None and rules.high is not None and rules.face is not None:
             limits = np.stack([rules.low, np.minimum(rules.high, self.slots)], axis=1) / self.slots
             quotas = {f: (float(low), float(high)) for f, (low, high) in enumerate(limits[:-1])}
         face = None if rules.face is None else rules.face[:real]
-        return relax(rows, touches=self.slots, cap=cap, face=face, quotas=quotas)
+        return relax(self.rows, touches=self.slots, cap=cap, face=face, quotas=quotas)
 
     def taken(self, ids: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some parameters"]:
         """Rows, zero for the empty ones."""
@@ -66,7 +64,6 @@ def task(
     prior: np.ndarray | None,
     zone: np.ndarray | None,
     fixed: np.ndarray | None,
-    allowed: np.ndarray | None,
     face: np.ndarray | None,
     quotas: Mapping[Any, tuple[int, int]] | None,
     positions: np.ndarray | None,
@@ -86,12 +83,7 @@ def task(
         raise ValueError("n: give a number of touches, or both `cost` and `budget`")
     cost = None if cost is None else _checked_cost(cost, count)
     room = np.inf if cost is None or budget is None else float(budget) - float(cost[taken].sum())
-    left = _allowed(allowed, count)
-    if not repeats:
-        left[taken] = False
-    slots = _slots(
-        n, len(taken), int(left.sum()), repeats, cost if cost is None or not left.any() else cost[left], room
-    )
+    slots = _slots(n, len(taken), count if repeats else count - len(np.unique(taken)), repeats, cost, room)
     rank = int(np.linalg.matrix_rank(known, hermitian=True))
     if slots + rank < p:
         raise ValueError(
@@ -101,11 +93,15 @@ def task(
     rules = Rules(
         size=count + slots, repeats=repeats, distance=float(min_distance), budget=room,
         cost=None if cost is None else np.concatenate([cost, np.zeros(slots)]),
-        position=_places(positions, min_distance, count, slots), **_quotas(face, quotas, taken, left, slots, repeats),
+        position=_places(positions, min_distance, count, slots), **_quotas(face, quotas, taken, count, slots, repeats),
     )  # fmt: skip
-    free = np.concatenate([left, np.full(slots, cost is not None)])
+    free = np.ones(count + slots, bool)
+    if not repeats:
+        free[taken] = False
     if rules.position is not None and len(taken):
         free &= ~rules.near(taken).any(axis=0)
+    if cost is None:
+        free[count:] = False
     return Task(rows, chosen, zone, taken, known, rules, slots, np.flatnonzero(free))
 
 
@@ -119,16 +115,6 @@ def _indices(fixed: np.ndarray | None, count: int) -> Members:
             f"fixed: index {taken.max() if taken.max() >= count else taken.min()} is outside 0 ... {count - 1}"
         )
     return taken.astype(int)
-
-
-def _allowed(allowed: np.ndarray | None, count: int) -> Bool[np.ndarray, " candidates"]:
-    """Which candidates may be chosen."""
-    if allowed is None:
-        return np.ones(count, dtype=bool)
-    allowed = np.asarray(allowed)
-    if allowed.shape != (count,) or allowed.dtype != np.bool_:
-        raise ValueError(f"allowed: expected a yes or no for each of the {count} candidates")
-    return allowed.copy()
 
 
 def _checked_cost(cost: np.ndarray, count: int) -> Float[np.ndarray, " candidates"]:
@@ -176,15 +162,15 @@ def _quotas(
     face: np.ndarray | None,
     quotas: Mapping[Any, tuple[int, int]] | None,
     taken: Members,
-    left: Bool[np.ndarray, " candidates"],
+    count: int,
     slots: int,
     repeats: bool,
 ) -> dict[str, np.ndarray]:
     """Face of each row, and how many touches each face must and may still get; the last face is that of empty rows."""
     if not quotas:
         return {}
-    if face is None or np.shape(face) != left.shape:
-        raise ValueError(f"quotas: they need `face`, the face of each of the {len(left)} candidates")
+    if face is None or np.shape(face) != (count,):
+        raise ValueError(f"quotas: they need `face`, the face of each of the {count} candidates")
     names, group = np.unique(np.asarray(face), return_inverse=True)
     missing = [name for name, (low, _) in quotas.items() if low > 0 and name not in names.tolist()]
     if missing:
@@ -192,8 +178,7 @@ def _quotas(
     limits = np.array([quotas.get(name, (0, slots + len(taken))) for name in names.tolist()], dtype=int).reshape(-1, 2)
     done = np.bincount(group[taken], minlength=len(names))
     low, high = np.maximum(limits[:, 0] - done, 0), limits[:, 1] - done
-    has = np.bincount(group[left], minlength=len(names))
-    has = np.where(has > 0, len(left), 0) if repeats else has
+    has = np.full(len(names), count) if repeats else np.bincount(group, minlength=len(names)) - done
     for name, least, most, room in zip(names, low, high, has, strict=True):
         if most < least:
             raise ValueError(f"quota of face {name}: it takes {most} more touches and needs {least}; loosen it")

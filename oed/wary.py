@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
 from identify.model.touch import Plan
-from oed.choice import optimal, visited
+from oed.choice import Best, visited
 from oed.information import drawn
 from oed.offer import Offer, offer, plan_of
 from oed.sequence import between
@@ -79,7 +79,7 @@ def plan_warily(
     found = offer(cell, rng, after=after, count=ROUGH)
     for risk in RISKS:
         offered = WaryOffer(found.known, found.found, risk, lifting=False)
-        order = visited(offered, optimal(offered, n, "V"), rng).order
+        order = visited(offered, Best(offered, n, "V"), rng).order
         plan = plan_of(offered.found.take(order.index))
         started = begun(plan, offered.ways, trail)
         if not order.blocked and (trail is None or started is not plan):

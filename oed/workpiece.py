@@ -13,7 +13,7 @@ from identify.model.frames import inverse, pose, transform
 from identify.model.jig import Jig
 from identify.model.touch import Plan
 from oed.candidates import Candidates
-from oed.choice import optimal, visited
+from oed.choice import Best, visited
 from oed.information import touch_sigma
 from oed.offer import Offer, offer, plan_of
 from oed.roadmap import with_via
@@ -90,7 +90,7 @@ def chosen(
     tip: Float[np.ndarray, "poses 3 kept"] | None = None,
 ) -> tuple[Candidates, Order]:
     """The best touches on offer by a criterion, for what moves as `tip` does, in an order in which they can be made."""
-    order = visited(offered, optimal(offered, n, criterion, tip), rng).order
+    order = visited(offered, Best(offered, n, criterion, tip), rng).order
     return offered.found.take(order.index), order
 
 
@@ -150,7 +150,7 @@ def _curve(offered: Offer, G: Float[np.ndarray, "corners 3 kept"]) -> tuple[tupl
     out, everything = [], np.ones(len(offered.found), dtype=bool)
     for n in CURVE:
         if n <= len(offered.found):
-            touches = offered.found.take(optimal(offered, n, "V", G)(everything, None))
+            touches = offered.found.take(Best(offered, n, "V", G)(everything, None))
             out.append((n, _faces(touches), _promise(offered, G, touches).p95_mm))
     return tuple(out)
 

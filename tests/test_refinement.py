@@ -6,7 +6,7 @@ import pytest
 
 from oed.aim import Aim, mean_square
 from oed.certificate import certify, level
-from oed.choice import optimal
+from oed.choice import Best
 from oed.information import touch_sigma
 from oed.judgement import Verdict
 from oed.offer import offer
@@ -34,7 +34,7 @@ def aim(request, offered):
 @pytest.fixture(scope="module")
 def chosen(offered, aim):
     everything = np.ones(len(offered.found), dtype=bool)
-    return offered.found.take(optimal(offered, N, "D" if aim.B is None else "V")(everything, None))
+    return offered.found.take(Best(offered, N, "D" if aim.B is None else "V")(everything, None))
 
 
 def information(offered, touches):
