@@ -290,6 +290,17 @@ def test_the_racing_problem_is_solved_as_well_as_the_peers_do(shared_data):
     assert efficiency < design.efficiency <= 1  # without replicates no set can reach the bound of the README
 
 
+def test_where_few_candidates_are_near_the_best_a_few_searches_find_more_than_the_peers_do(shared_data):
+    rows = np.load(shared_data / "oed20k" / "candidates.npz")["rows"]
+
+    some = exact_design(rows[np.random.default_rng(0).choice(len(rows), 500, replace=False)], 50)
+    everything = exact_design(rows, 50)
+
+    assert some.searches < 50 < 10 * some.searches < everything.searches
+    assert some.efficiency > 0.955  # figaroh's Detmax on such a problem; the largest weights of a relaxation: 0.948
+    assert everything.efficiency > 0.962
+
+
 def test_structure_and_refinement_tell_more_than_three_times_as_many_random_candidates(arc_welder):
     gain = refined(arc_welder, 3_000, iterations=60) / scattered(arc_welder, 10_000, iterations=60) - 1
 
