@@ -10,12 +10,14 @@ that it stands on. Second placement: of the 50 touches some are made after the j
 exactly, or that is six more unknowns (10 mm, 2 degrees).
 
 Answer: faces that stand opposite each other, or at another height, are what counts: three faces promise 1.29 mm (no
-known distance), with left-high, left-low, right-high, front-high or top-high besides 0.09 to 0.11 mm, with the others
-nothing; all eleven 0.068 (the robots: 0.084). Of all, leaving out front-low costs 9 %, top-high and top-low 6 %,
+known distance), with left-high, left-low, right-high, front-high or top-high besides 0.09 to 0.12 mm, with the others
+nothing; all eleven 0.068 (the robots: 0.086). Of all, leaving out front-low costs 9 %, top-high and top-low 6 %,
 front-high 5 %, right-low 4 %, right-high 2 %, each other 1 % or nothing; the two back faces can be left out. The jig
-stands well: of the places looked at, up to 0.10 mm, none promises more than 0.1 % less than the present one. A second
-place that is known exactly takes 4 to 11 % off the error, most 200 mm to the right (0.060 mm). With its pose unknown no
-better weights were found than for one place alone within 2 %, but that relaxation does not converge: not decided.
+stands well: of the places looked at, up to 0.13 mm, none promises more than 0.3 % less than the present one. A second
+place that is known exactly takes 4 to 11 % off the error, most 200 mm to the right (0.060 mm; the robots: 0.077 for
+0.086). One whose pose is unknown buys nothing: at most 0.5 % (turned by 90 degrees and 150 mm higher), the robots as
+far off with it as without, since the touches that find its pose are those that would have told more. Do not move the
+jig, or measure where it goes.
 """
 
 from dataclasses import replace

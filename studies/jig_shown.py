@@ -101,12 +101,15 @@ def _second_drawn(table: Table) -> str:
     kinds = {"first place alone": OUT, "place unknown": BEFORE, "place known": AFTER}
     at = [i // 3 for i in range(len(value))]
     names = [n.removeprefix("and ").removesuffix(", place known") for n in second["name"] if n.endswith("place known")]
+    names = [
+        n.replace("turned by", "turned").replace("°, 150 mm higher", "° and up") for n in names
+    ]  # short enough to stand slanted
     title = f"promised RMS tip error of {TOUCHES} touches, mm"
     wide, high = named("", names), axis(title, value, zero=True)
     chart = Chart("What a second placement of the jig buys", wide, high, width=620, slanted=True)
-    for kind, shade in kinds.items():
+    for shift, (kind, shade) in zip((-0.15, 0.0, 0.15), kinds.items(), strict=True):
         which = [i for i, n in enumerate(second["name"]) if n.endswith(kind)]
         hints = [f"{second['name'][i]}: {value[i]:.4f} mm" for i in which]
-        chart.dots(np.array([at[i] for i in which], dtype=float), value[which], shade, hints, 4)
+        chart.dots(np.array([at[i] for i in which]) + shift, value[which], shade, hints, 4)
     chart.legend([(shade, kind) for kind, shade in kinds.items()])
     return picture(chart)
