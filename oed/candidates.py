@@ -102,7 +102,7 @@ def candidates(
     unreached = reasons(search.judge, search.tally)
     if not len(all_found):
         raise InputError("no touch can be made. " + " ".join(unreached))
-    notes = (*unreached, *warnings(cell, search.judge.margins, all_found.number > 0))
+    notes = (*unreached, *warnings(cell, search.judge.margins, all_found.number > 0), *search.judge.clearance.notes)
     some = rng.choice(len(all_found), min(count, len(all_found)), replace=False)
     return replace(all_found.take(np.sort(some)), notes=notes)
 

@@ -17,7 +17,7 @@ from identify.export.urdf import corrected_origins
 from identify.model.calibration import Calibration
 from identify.model.files import InputError
 from identify.model.frames import pose, transform
-from identify.model.urdf import METRE
+from identify.model.urdf_document import METRE
 
 NAMES = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 KEYS = ("x", "y", "z", "roll", "pitch", "yaw")

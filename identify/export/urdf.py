@@ -18,7 +18,8 @@ from identify.model.calibration import Calibration
 from identify.model.files import InputError, read_text
 from identify.model.frames import inverse, pose, transform
 from identify.model.kinematics import Kinematics
-from identify.model.urdf import METRE, read_urdf
+from identify.model.urdf import read_urdf
+from identify.model.urdf_document import METRE
 
 JIG, TIP = "touchcal_jig", "touchcal_tip"
 SAME = 1e-6  # [mm], of tips at joint values drawn within the limits

@@ -27,6 +27,7 @@ class Chain:
     base_T_first: Float[np.ndarray, "4 4"]
     links: Float[np.ndarray, "joints 5"]  # theta, d, a, alpha, beta [rad] or [mm]
     last_T_flange: Float[np.ndarray, "4 4"]
+    frames: tuple[Float[np.ndarray, "4 4"], ...]  # in that of the base, before the first joint and behind each link
 
 
 def chain(axes: Sequence[Axis], base_T_flange: Float[np.ndarray, "4 4"]) -> Chain:
@@ -36,14 +37,15 @@ def chain(axes: Sequence[Axis], base_T_flange: Float[np.ndarray, "4 4"]) -> Chai
     """
     T = base_T_first = _first(axes[0])
     ends = [*axes[1:], Axis(base_T_flange[:3, 3], base_T_flange[:3, 2])]
-    links = []
+    links, frames = [], [T]
     for axis in ends:
         x = base_T_flange[:3, 0] if axis is ends[-1] else T[:3, 0]
         link = _link(T[:3, :3].T @ (axis.point - T[:3, 3]), T[:3, :3].T @ axis.direction, T[:3, :3].T @ x)
         links.append(link)
         T = T @ _transform(link)
+        frames.append(T)
     # 0.0 is added so that no zero is negative
-    return Chain(base_T_first, np.array(links) + 0.0, _tidy(inverse(T) @ base_T_flange))
+    return Chain(base_T_first, np.array(links) + 0.0, _tidy(inverse(T) @ base_T_flange), tuple(frames))
 
 
 def _first(axis: Axis) -> Float[np.ndarray, "4 4"]:

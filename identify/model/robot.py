@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.shape import Shape
+
 POSE_NAMES = ("x", "y", "z", "rz", "ry", "rx")
 LINK_NAMES = ("theta", "d", "a", "alpha", "beta")
 
@@ -61,6 +63,7 @@ class Robot:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)  # against gravity, in the base frame
     payload: tuple[float, tuple[float, float, float]] | None = None  # [kg] and its centre [mm] in the flange frame
     temperature: float = 20.0  # [degC] for which the dimensions are
+    shapes: tuple[Shape, ...] = ()  # of a URDF, for clearance
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from identify.model.cell import DEG, Cell
 from identify.model.identifiability import structure
 from identify.pendant import Agreement, compare, read_pendant
+from oed.clearance import Clearance
 from oed.cli.options import CellFile, Json, load_cell, print_json
 
 
@@ -46,7 +47,18 @@ def story(cell: Cell, found: Agreement | None) -> str:
     if cell.zone is not None:
         box = " x ".join(f"{lo:g} ... {hi:g}" for lo, hi in cell.zone.box)
         lines.append(f"zone: {box} mm, torch within {cell.zone.max_tilt / DEG:g} degrees of straight down")
+    lines += _shapes(cell)
     return "\n".join([*lines, *_pendant(found)])
+
+
+def _shapes(cell: Cell) -> list[str]:
+    """How the arm is kept clear of jig and itself, where a URDF tells its shapes."""
+    if not cell.robot.shapes:
+        return []
+    told = Clearance(cell, cell.theta)
+    judge = "capsules around them" if told.exact is None else "solids"
+    links = ", ".join(dict.fromkeys(body.shape.name for body in told.bodies)) or "none"
+    return [f"arm: {len(told.bodies)} collision shapes judged as {judge}, of links {links}", *told.notes]
 
 
 def _sides(cell: Cell) -> str:

@@ -7,11 +7,13 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.description import LIBRARY, library, read_jig, read_robot
-from identify.model.files import InputError, nearest, read_text, write_text
+from identify.model.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
 from identify.model.jig import Jig
 from identify.model.robot import Robot
 from identify.model.tables import POINT, joint_columns
 from identify.pendant import EULER
+
+MESHES = "meshes"  # folder beside the URDF
 
 CELL = """\
 # The cell: the one file to write. Lengths are millimetres, angles degrees; touchcal check says what is wrong with it.
@@ -66,11 +68,11 @@ def init(
     directory
         The folder to make.
     robot
-        A robot of the library: arc-welder, arm7, irb120, puma560, scara.
+        A robot of the library: arc-welder, arm7, irb120, puma560, scara; or a file that ends in .urdf, as with --urdf.
     jig
         A jig of the library: step-block, cube.
     urdf
-        A URDF in place of a robot of the library; it is copied into the folder.
+        A URDF in place of a robot of the library; it is copied into the folder, with the meshes of its collisions.
     base_link
         The URDF's link that stands still.
     flange_link
@@ -80,6 +82,8 @@ def init(
     """
     if (directory / "cell.yaml").exists() and not force:
         raise InputError(f"{directory / 'cell.yaml'} is there already; choose another folder, or say --force")
+    if urdf is None and robot.lower().endswith(".urdf"):
+        urdf = Path(robot)
     if urdf is None:
         described, source = read_robot(_known("robots", robot)), LIBRARY + robot
     else:
@@ -93,7 +97,7 @@ def init(
     except OSError as error:
         raise InputError(f"{directory}: cannot be made: {error.strerror}; choose another folder") from None
     if urdf is not None:
-        write_text(directory / urdf.name, read_text(urdf))
+        write_text(directory / urdf.name, _with_meshes(urdf, described, directory))
     write_text(directory / "cell.yaml", cell_text(source, LIBRARY + jig, described, block))
     header = ["id", *joint_columns(described), *POINT, *EULER]
     write_text(directory / "pendant.csv", ",".join(header) + "\n")
@@ -101,6 +105,23 @@ def init(
         f"wrote {directory}: measure base and tool in cell.yaml, read a few poses off the pendant into pendant.csv,\n"
         f"then: touchcal check --cell {directory / 'cell.yaml'} --pendant {directory / 'pendant.csv'}"
     )
+
+
+def _with_meshes(urdf: Path, robot: Robot, directory: Path) -> str:
+    """The text of a URDF whose collision meshes lie in a folder beside it; they are copied there."""
+    text, names = read_text(urdf), dict[Path, str]()
+    for shape in robot.shapes:
+        if shape.path is None or not shape.file:
+            continue
+        taken = {name for path, name in names.items() if path != shape.path}
+        name = names.setdefault(shape.path, shape.path.name)
+        while name in taken:
+            name = names[shape.path] = f"{shape.link}-{name}"
+        (directory / MESHES).mkdir(exist_ok=True)
+        write_bytes(directory / MESHES / name, read_bytes(shape.path))
+        for quote in "\"'":
+            text = text.replace(f"filename={quote}{shape.file}{quote}", f"filename={quote}{MESHES}/{name}{quote}")
+    return text
 
 
 def _known(kind: str, name: str) -> Path:

@@ -1,0 +1,30 @@
+"""Solids that move with the links of a robot, as a URDF tells them: what the robot must not hit anything with."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identify.model.meshes import read_mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A box, a cylinder, a sphere or a mesh; a mesh is read from its file when first asked for."""
+
+    link: int  # 0 stands still, N carries the torch
+    name: str  # of the URDF's link
+    kind: str  # box, cylinder, sphere, mesh, or what else the URDF says, which is not read
+    size: tuple[float, ...]  # [mm] edges of a box; radius and length of a cylinder; radius; mm per unit of a mesh
+    pose: Float[np.ndarray, "4 4"]  # link_T_shape [mm]
+    file: str = ""  # of a mesh, as the URDF names it
+    path: Path | None = None  # where that was found
+
+    @cached_property
+    def mesh(self) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]:
+        """Vertices [mm] in the frame of the link, and triangles; raises InputError where the file is broken."""
+        assert self.path is not None
+        vertices, triangles = read_mesh(self.path)
+        return (vertices * self.size) @ self.pose[:3, :3].T + self.pose[:3, 3], triangles
