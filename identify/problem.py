@@ -136,7 +136,7 @@ class Problem:
 
     def _triangle(
         self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
-    ) -> Float[np.ndarray, "rows kept"]:
+    ) -> Float[np.ndarray, "order kept"]:
         R = np.empty((0, len(self.kept)))
         for part, _, J in self.linearized(x):
             R = np.asarray(np.linalg.qr(np.vstack([R, J * weight[part, None]]), mode="r"))

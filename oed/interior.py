@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from oed.concave import Concave
 
@@ -21,7 +21,7 @@ class Master:
     base: Float[np.ndarray, "p p"]
     capped: Int[np.ndarray, " capped"]  # which columns have a cap, and the cap
     cap: Float[np.ndarray, " capped"]
-    shared: Bool[np.ndarray, "shares k"]  # faces with a limit below or above
+    shared: Float[np.ndarray, "shares k"]  # 1 where a column is of a face with a limit below or above
     low: Float[np.ndarray, " shares"]
     high: Float[np.ndarray, " shares"]
 

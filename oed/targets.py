@@ -13,7 +13,7 @@ from identify.model.cell import Cell
 from identify.model.frames import rotation
 from identify.model.jig import Face
 
-CORNERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+CORNERS = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
 EDGES = np.array([[0, 0.5], [1, 0.5], [0.5, 0], [0.5, 1], [0.5, 0.5]])  # and the middle
 HAIR = 1e-6  # [rad] that the ring of steepest wires stays within the limit, for rounding
 UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])  # z of the tip points along the wire, into the face

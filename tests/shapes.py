@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, get_args
 
+import numpy as np
 from beartype import BeartypeConf, beartype
 from jaxtyping import AbstractArray
 
@@ -14,10 +15,16 @@ def _has_shape(hint: Any) -> bool:
     return alone or any(_has_shape(part) for part in get_args(hint))
 
 
+def _as_numpy_has_it(hint: Any) -> Any:
+    """NumPy makes a number of its own of an array without axes, such as the sum over the only one there was."""
+    axes = getattr(hint, "dim_str", "-").split()
+    return hint | np.generic if all(axis.startswith("*") for axis in axes) else hint
+
+
 def checked(function: Callable[..., Any]) -> Callable[..., Any]:
     """Check the arrays that go in and come out; mypy has looked at all other annotations already."""
     hints = getattr(function, "__annotations__", {})
-    shapes = {name: hint for name, hint in hints.items() if _has_shape(hint)}
+    shapes = {name: _as_numpy_has_it(hint) for name, hint in hints.items() if _has_shape(hint)}
     if not shapes:
         return function
     function.__annotations__ = shapes

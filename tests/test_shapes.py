@@ -27,6 +27,15 @@ def test_arrays_that_do_not_fit_are_refused(A, x):
         product(A, x)
 
 
+def test_a_sum_over_the_only_axis_may_be_a_number():
+    @jaxtyped(typechecker=checked)
+    def total(x: Float[np.ndarray, "*batch n"]) -> Float[np.ndarray, "*batch"]:
+        return x.sum(axis=-1)
+
+    np.testing.assert_array_equal(total(np.ones((2, 3))), [3, 3])
+    assert total(np.ones(3)) == 3
+
+
 def test_what_is_no_array_is_left_to_mypy():
     np.testing.assert_array_equal(product(np.ones((1, 1)), 1.0, times=2.5), [2.5])
     assert checked(len) is len
