@@ -14,6 +14,7 @@ import pytest
 from hypothesis import settings
 from linuxcncrsh_fake import FakeLinuxCNC
 from measured import poses_over_jig, table_2, touches_at
+from readme import Demo
 from touching import Ticks
 
 from identify.calibration import calibrate
@@ -75,6 +76,12 @@ def found(arc_welder: Cell) -> Calibration:
 def box() -> Jig:
     """A workpiece to locate."""
     return read_jig(library("jigs")["cube"])
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
+    """What the first command of the README made."""
+    return Demo.made(tmp_path_factory.mktemp("clone"))
 
 
 @pytest.fixture(scope="session")

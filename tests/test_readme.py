@@ -1,15 +1,11 @@
 """The README is run: every shell block works, every cell file is read, every output shown is what comes out."""
 
-import os
 import re
 import shutil
-import subprocess
-import sys
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
+from readme import README, block, blocks, run
 from ruamel.yaml import YAML
 
 from identify.model.description import read_cell
@@ -18,51 +14,9 @@ from oed.criteria import CRITERIA
 from probe.controller import CODES
 from probe.controllers import PROTOCOLS
 
-README = Path(__file__).parents[1] / "README.md"
+pytestmark = pytest.mark.xdist_group("demo")  # one demo for all of them, and for the tests of the demo
 USE = "Use the result"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
-
-
-@dataclass(frozen=True)
-class Block:
-    """A fenced block, the comment above it, and the heading over it."""
-
-    language: str
-    text: str
-    comment: str
-    heading: str
-
-
-def blocks():
-    found, text = [], []
-    heading, comment, inside = "", "", None
-    for line in README.read_text(encoding="utf-8").splitlines():
-        if inside is not None:
-            if line == "```":
-                found.append(Block(inside, "\n".join(text), comment, heading))
-                inside, comment = None, ""
-            else:
-                text.append(line)
-        elif line.startswith("```"):
-            inside, text = line[3:], []
-        elif line.startswith("#"):
-            heading = line.lstrip("# ")
-        elif line.startswith("<!--"):
-            comment = line.removeprefix("<!-- ").removesuffix(" -->")
-    return found
-
-
-def block(comment):
-    return next(b for b in blocks() if b.comment == comment)
-
-
-def run(command, folder, **environment):
-    """Run a shell block as a user does who has activated the environment."""
-    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    return subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=os.environ | {"PATH": path} | environment,
-        capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
 
 
 def assert_shown(shown, said):
@@ -70,14 +24,6 @@ def assert_shown(shown, said):
     assert NUMBER.sub("#", shown).split() == NUMBER.sub("#", said).split()
     a, b = ([float(x) for x in NUMBER.findall(text)] for text in (shown, said))
     np.testing.assert_allclose(a, b, rtol=0.3, atol=0.02)
-
-
-@pytest.fixture(scope="module")
-def demo(tmp_path_factory):
-    """The folder in which the first command was run, and what it said."""
-    folder = tmp_path_factory.mktemp("clone")
-    command = next(b.text for b in blocks() if b.heading == "Run the demo" and b.language == "sh")
-    return folder, run(command.split("&& .venv/bin/")[-1], folder)
 
 
 def test_the_two_commands_install_alike_from_the_lock_and_the_second_runs_the_tests():
@@ -91,12 +37,12 @@ def test_the_two_commands_install_alike_from_the_lock_and_the_second_runs_the_te
 
 
 def test_the_demo_prints_what_the_readme_shows(demo):
-    assert_shown(block("output: demo").text, demo[1])
+    assert_shown(block("output: demo").text, demo.said)
 
 
 @pytest.mark.parametrize("number", range(sum(b.heading == "The loop" and b.language == "sh" for b in blocks())))
 def test_the_blocks_of_the_loop_run_in_a_copy_of_the_demo(number, demo, tmp_path):
-    shutil.copytree(demo[0] / "demo", tmp_path / "project")
+    shutil.copytree(demo.folder, tmp_path / "project")
     loop = [b.text for b in blocks() if b.heading == "The loop" and b.language == "sh"]
 
     said = run(loop[number], tmp_path / "project")
@@ -121,7 +67,7 @@ def test_the_pictures_of_the_readme_are_there():
 
 
 def test_the_virtual_cell_is_touched_as_the_readme_shows(demo, tmp_path):
-    shutil.copytree(demo[0] / "demo", tmp_path / "project")
+    shutil.copytree(demo.folder, tmp_path / "project")
     command = next(b.text for b in blocks() if b.heading == "Try it without a robot")
 
     said = run(command, tmp_path / "project")
@@ -143,7 +89,7 @@ def test_the_controller_section_names_what_there_is():
 @pytest.fixture(scope="module")
 def project(demo, tmp_path_factory):
     """A copy of the demo with the files that the section on using the result shows."""
-    folder = shutil.copytree(demo[0] / "demo", tmp_path_factory.mktemp("use") / "project")
+    folder = shutil.copytree(demo.folder, tmp_path_factory.mktemp("use") / "project")
     for shown in (b for b in blocks() if b.heading == USE and b.comment.startswith("file: ")):
         (folder / shown.comment.removeprefix("file: ")).write_text(shown.text + "\n")
     return folder
