@@ -1,6 +1,7 @@
 """A robot with meshes as a user brings it: from the URDF to a plan, and what is said where meshes cannot be judged."""
 
 import json
+from hashlib import sha256
 
 import pytest
 from meshed import LINKS, arm, collision, mesh, written
@@ -96,4 +97,6 @@ def test_a_plan_says_what_is_not_kept_clear(project, touchcal):
     assert code == 0
     told = json.loads(out)
     assert told["touches"] == 30
+    inputs = json.loads((project / "plan.json").read_text())["inputs"]
+    assert inputs["meshes/upper.stl"] == sha256((project / "meshes" / "upper.stl").read_bytes()).hexdigest()
     assert sum("nothing keeps link 'fore' clear" in note for note in told["notes"]) == 1

@@ -96,7 +96,9 @@ def _robot(document: Document, sources: dict[str, str]) -> Robot | None:
     if entry := usable(source, UrdfEntry):
         from identify.model.urdf import read_urdf
 
-        return read_urdf(_beside(entry.urdf, document, sources, "robot", "urdf"), entry.base, entry.flange)
+        robot = read_urdf(_beside(entry.urdf, document, sources, "robot", "urdf"), entry.base, entry.flange)
+        sources |= {shape.file: digest(shape.path) for shape in robot.shapes if shape.path is not None}
+        return robot
     return None
 
 
