@@ -16,10 +16,10 @@ from oed.criteria import Criterion, checked_zone, score
 from oed.population import Found, Pool, evolve
 from oed.relaxation import ApproximateDesign, phi
 from oed.rows import blocks, information, whitener
-from oed.rules import Rules
+from oed.rules import Members, Rules
 from oed.screening import ScreenedSwaps
 from oed.swaps import DeterminantSwaps, Precision, Swaps, TraceSwaps
-from oed.task import Members, Task, task
+from oed.task import Task, task
 
 CLOSE = 0.95  # candidates whose gain is this close to what weight needs make the pool,
 POOL = 500, 1500  # so many rows at the least and at the most, more for many touches

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int
 
-from oed.rules import Rules
+from oed.rules import Members, Rules
 from oed.swaps import Swaps
 
 HEAT = 0.02  # variety when a union is thinned, in logarithm of the criterion
@@ -23,7 +23,6 @@ PROMISING = 2e-4  # a child may be this much worse than the worst before it has 
 SAME = 1e-9  # two sets whose logarithms differ by less are one
 STALE = 2  # children a member without a better one, and a new population begins
 ATTEMPTS = 20  # at building a set that keeps the rules
-Members = Int[np.ndarray, " touches"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,8 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float, Int
 
-from oed.swaps import Members, Square, Swaps, Table
+from oed.rules import Members
+from oed.swaps import Square, Swaps, Table
 
 
 class RobustSwaps(Swaps):

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 NEVER = -np.inf
 SMALL = 2000  # rows of a pool of which each is compared with each, once
-Members = Int[np.ndarray, " touches"]
+Members = Int[np.ndarray, " _"]  # touches of a set; sets of several sizes meet in one signature
 
 
 @dataclass(frozen=True, eq=False)

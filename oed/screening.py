@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from oed.criteria import Criterion, checked_zone, score
-from oed.swaps import NEVER, Members, Precision, Square, Swaps, Table
+from oed.rules import Members
+from oed.swaps import NEVER, Precision, Square, Swaps, Table
 
 BLURS = (0.05, 0.2, 0.6)  # relative spread of the neighbourhoods
 SAMPLES = 16  # points in each

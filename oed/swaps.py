@@ -17,8 +17,9 @@ from typing import Any, Self
 import numpy as np
 from jaxtyping import Float, Int
 
+from oed.rules import Members
+
 Square = Float[np.ndarray, "p p"]
-Members = Int[np.ndarray, " touches"]
 Table = Float[np.ndarray, "touches pool"]
 Precision = type[Any]  # np.float32 or np.float64
 

@@ -11,10 +11,9 @@ from jaxtyping import Float, Int
 from oed.criteria import Criterion, checked_zone, criterion_named
 from oed.relaxation import ApproximateDesign, approximate_design
 from oed.rows import checked, checked_prior, information
-from oed.rules import Rules
+from oed.rules import Members, Rules
 
 FAR = 1e9  # where empty rows are, distant from every touch
-Members = Int[np.ndarray, " touches"]
 
 
 @dataclass(frozen=True, eq=False)

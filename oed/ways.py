@@ -109,7 +109,7 @@ class Ways:
         return near
 
 
-def astray(clear: Bool[np.ndarray, "touches touches"], blocked: Int[np.ndarray, " ways"]) -> Int[np.ndarray, " some"]:
+def astray(clear: Bool[np.ndarray, "touches touches"], blocked: Int[np.ndarray, "ways 2"]) -> Int[np.ndarray, " some"]:
     """Touches to give up so that an order without blocked ways may be found.
 
     Those outside the largest group that clear ways connect, and, of each blocked way of the order, the end with fewer

@@ -240,7 +240,7 @@ def _covariance(path: Path, rows: list[list[float]], size: int) -> Float[np.ndar
 def _correlation(C: Float[np.ndarray, "size size"]) -> Float[np.ndarray, "size size"]:
     """A covariance in units of its deviations; one that is none where a variance is not above 0."""
     deviation = np.sqrt(np.maximum(np.diag(C), 0.0))
-    return C / deviation / deviation[:, None] if (deviation > 0).all() else np.array([[-1.0]])
+    return C / deviation / deviation[:, None] if (deviation > 0).all() else -np.eye(len(C))
 
 
 def _wrong(path: Path, text: str) -> InputError:
