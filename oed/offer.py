@@ -72,19 +72,23 @@ class Offer:
         kicks: int | None = None,
         *,
         start: Int[np.ndarray, " touches"] | None = None,
+        above: Candidates | None = None,
     ) -> tuple[Order, Bool[np.ndarray, "touches touches"]]:
-        """A short order of touches along clear ways, and which of them have ways to each other."""
-        return self._roadmap(touches).order(plan_of(touches), rng, kicks, start=start)
+        """A short order of touches along clear ways, and which of them have ways to each other.
+
+        The robot may pass postures `above` other touches, above these if not given.
+        """
+        return self._roadmap(touches if above is None else above).order(plan_of(touches), rng, kicks, start=start)
 
     def groups(self, touches: Candidates) -> Int[np.ndarray, " touches"]:
         """The group of each touch: there seem to be clear ways, over others, between all touches of a group."""
         return self._roadmap(touches).groups(touches.approach)
 
-    def _roadmap(self, touches: Candidates) -> Roadmap:
-        cell, none = self.known.cell, np.empty((0, touches.q.shape[1]))
+    def _roadmap(self, above: Candidates) -> Roadmap:
+        cell, none = self.known.cell, np.empty((0, above.q.shape[1]))
         if not self.lifting:
             return Roadmap(self.ways, cell, none, none)
-        return Roadmap(self.ways, cell, self._lifted(touches), self._home)
+        return Roadmap(self.ways, cell, self._lifted(above), self._home)
 
     def _lifted(self, touches: Candidates) -> Float[np.ndarray, "lifted joints"]:
         """Postures above touches, each looked for once."""

@@ -20,8 +20,8 @@ from oed.relaxation import ApproximateDesign, phi
 from oed.sequence import Order
 
 STRATEGIES = ("optimal", "even", "random")
-RETURNS = 5  # times that touches at ways which moving them has blocked are put back
-SEARCHES = 120  # local ones for the set that is refined then: four times as many are worth half a percent
+RETURNS = 8  # times that touches at ways which moving them has blocked are put back, each time more around them
+SEARCHES = 120  # local ones for 50 touches that are refined then, fewer for more: they are nearer to the bound anyway
 SWEEPS = 2  # of moving touches: a third gains nothing that counts
 FEWER = 16  # of them, where each compares sets by a criterion with kinks
 Say = Callable[[str, float], None]
@@ -75,7 +75,7 @@ class Setting:
             order = self._ordered(touches)
             return Choice(touches.take(order.index), order)
         say("choosing", 0.0)
-        pick = Best(self.offered, n, self.criterion, searches=SEARCHES if self.smooth else FEWER)
+        pick = Best(self.offered, n, self.criterion, searches=self._searches(n))
         visit = visited(self.offered, pick, self.rng, linked(pick))
         bound = pick.bound(visit.allowed)
         touches = self.offered.found.take(visit.order.index)
@@ -88,6 +88,9 @@ class Setting:
         say("bounding", 0.8)
         manifold = certify(self.offered, refinement, self.aim, bound.information, n, visit.allowed)
         return Choice(touches, found, self._efficiency(M, bound), manifold.efficiency(self.aim, M))
+
+    def _searches(self, n: int) -> int:
+        return SEARCHES * 50 // max(50, n) if self.smooth else FEWER
 
     def _pick(self, n: int) -> Pick:
         offered, rng = self.offered, self.rng
@@ -105,18 +108,20 @@ class Setting:
     ) -> tuple[Candidates, Order]:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
         moved = refine(refinement, touches, self.aim, self._value, sweeps=SWEEPS, progress=say)
-        for _ in range(RETURNS):
-            order = self._ordered(moved)
+        for around in range(1, RETURNS + 1):
+            order = self._ordered(moved, touches)  # so that the old ways back are still there
             if not order.blocked:
                 return moved.take(order.index), order
-            ends = np.unique([order.index[[i, i + 1]] for i in order.blocked])
+            ends = np.unique(
+                np.concatenate([order.index[max(0, i + 1 - around) : i + 1 + around] for i in order.blocked])
+            )
             moved = replaced(moved, ends, touches.take(ends))
         order = self._ordered(touches)
         return touches.take(order.index), order
 
-    def _ordered(self, touches: Candidates) -> Order:
+    def _ordered(self, touches: Candidates, above: Candidates | None = None) -> Order:
         """A short order of touches, which are in a good one already."""
-        return self.offered.visit(touches, self.rng, start=np.arange(len(touches)))[0]
+        return self.offered.visit(touches, self.rng, start=np.arange(len(touches)), above=above)[0]
 
     def _value(self, rows: Float[np.ndarray, "touches kept"]) -> float:
         """Of the criterion, as a logarithm."""
