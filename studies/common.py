@@ -7,9 +7,12 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.description import library, read_cell
+from identify.model.touch import Plan
 from identify.model.zone import zone_poses
 from oed.offer import Offer, offer
+from oed.planning import plan
 
+TOUCHES = 100  # as many as the paper made
 FEW = 1500  # touches on offer where a study only shows that it works
 
 
@@ -23,6 +26,12 @@ def arc_welder() -> Cell:
 def offered(structured: bool) -> Offer:
     """Touches that the paper's robot can make: structured ones, or only those spread evenly."""
     return offer(arc_welder(), np.random.default_rng(7), structured=structured)
+
+
+@lru_cache(maxsize=1)
+def touches_of_the_paper() -> Plan:
+    """Touches spread evenly over the faces, as the paper's were."""
+    return plan(arc_welder(), TOUCHES, strategy="even", rng=np.random.default_rng(1)).plan
 
 
 @lru_cache(maxsize=2)

@@ -15,17 +15,14 @@ at every tilt. Of the 36, 42 and 48 parameters that models with four, five and s
 """
 
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from identify.model.cell import DEG, Cell
 from identify.model.identifiability import structure
-from identify.model.touch import Plan
 from identify.report.svg import AFTER, BEFORE, Chart, logarithmic, picture
-from oed.planning import plan
-from studies.common import arc_welder, zone
+from studies.common import arc_welder, touches_of_the_paper, zone
 from studies.engine import Table, column, where
 from studies.many import calibrate_many, errors_in_zone, touch_every
 
@@ -44,11 +41,6 @@ def run(rng: np.random.Generator, part: str, tilts: list[float]) -> list[dict[st
     return _ranks() if part == "ranks" else _tilted(rng, part, tilts)
 
 
-@lru_cache(maxsize=1)
-def _touches() -> Plan:
-    return plan(arc_welder(), 100, strategy="even", rng=np.random.default_rng(1)).plan
-
-
 def _cell(model: str) -> Cell:
     """The cell with the betas fixed, where the model has none."""
     cell = arc_welder()
@@ -61,7 +53,7 @@ def _tilted(rng: np.random.Generator, part: str, tilts: list[float]) -> list[dic
     names = list(cell.robot.parameters)
     theta = np.tile(cell.theta, (len(tilts), 1))
     theta[:, names.index("j2.beta")] += np.array(tilts) * DEG
-    made = touch_every(cell, theta, _touches(), rng, sigma=0.0)
+    made = touch_every(cell, theta, touches_of_the_paper(), rng, sigma=0.0)
     found = calibrate_many(cell, made, priors=False)
     error = np.sqrt((errors_in_zone(cell, theta, found.theta, zone(200)) ** 2).mean(axis=1))
     lengths = [i for i, name in enumerate(names) if name.endswith((".d", ".a"))]

@@ -18,7 +18,6 @@ up to 170 mm.
 
 from contextlib import closing
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,18 +25,18 @@ from typing import Any
 import numpy as np
 
 from identify.model.measurement import Rows, measurement_model
+from identify.model.touch import Plan
 from identify.report.svg import AFTER, BEFORE, OUT, Axis, Chart, axis, logarithmic, picture
-from oed.planning import PlanResult, plan
 from probe import Session, Settings, open_controller
 from probe import run as make_touches
 from probe.clock import Clock
 from probe.virtual.server import serve
 from probe.virtual.truth import Truth, read_truth, truth_path
-from studies.common import arc_welder, zone
+from studies.common import arc_welder, touches_of_the_paper, zone
 from studies.engine import Table, column, distinct, where
 from studies.many import calibrate_many, errors_in_zone, linear_identification, touch_every
 
-TOUCHES, SIGMA = 100, 0.1  # [mm]
+SIGMA = 0.1  # [mm]
 SCALES = (0.1, 0.2, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 10, 12)
 TOLERANCES = 10.0 ** np.arange(-16, -0.9, 0.5)
 PAPER = {"initial_rms_mm": 22.352, "final_rms_mm": 0.112, "final_max_mm": 0.321, "kept": 21, "minutes": 15}
@@ -61,20 +60,15 @@ def run(rng: np.random.Generator, part: str, repeats: int) -> list[dict[str, Any
     return [{"part": part, **row} for row in parts[part](rng, repeats)]
 
 
-@lru_cache(maxsize=1)
-def _planned() -> PlanResult:
-    return plan(arc_welder(), TOUCHES, strategy="even", rng=np.random.default_rng(1))
-
-
 def _truth() -> np.ndarray:
     return read_truth(truth_path("library:arc-welder"), arc_welder()).theta
 
 
 def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     """What the paper prints about its residuals, and what it could not: the error of the tip elsewhere."""
-    cell, planned = arc_welder(), _planned()
+    cell, planned = arc_welder(), touches_of_the_paper()
     true = np.tile(_truth(), (repeats, 1))
-    made = touch_every(cell, true, planned.plan, rng, sigma=SIGMA)
+    made = touch_every(cell, true, planned, rng, sigma=SIGMA)
     found = calibrate_many(cell, made, eliminate=True)
     before, after = (_residuals(made.q, planned, theta) for theta in (np.tile(cell.theta, (repeats, 1)), found.theta))
     error = errors_in_zone(cell, true, found.theta, zone(200))
@@ -90,7 +84,7 @@ def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 
 def _minutes(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     """What the touches take on the virtual controller, by its own clock, through the driver and a pseudo-terminal."""
-    cell, made = arc_welder(), _planned().plan
+    cell, made = arc_welder(), touches_of_the_paper()
     slow = replace(cell, touch=replace(cell.touch, speed=5.0))
     with (
         serve(slow, Truth(cell.theta), speed=np.inf, start=made.approach[0]) as served,
@@ -103,14 +97,14 @@ def _minutes(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     return [{"minutes": finished.seconds / 60, "hits": float(finished.hits)}]
 
 
-def _residuals(q: np.ndarray, planned: PlanResult, theta: np.ndarray) -> np.ndarray:
+def _residuals(q: np.ndarray, planned: Plan, theta: np.ndarray) -> np.ndarray:
     """Residuals of each robot's touches by its own parameters [mm]."""
     cell = arc_welder()
     return np.array([measurement_model(cell.robot).residual(t, _rows(q[k], planned)) for k, t in enumerate(theta)])
 
 
-def _rows(q: np.ndarray, planned: PlanResult, radius: float | None = None) -> Rows:
-    cell, made = arc_welder(), planned.plan
+def _rows(q: np.ndarray, planned: Plan, radius: float | None = None) -> Rows:
+    cell, made = arc_welder(), planned
     assert cell.jig is not None
     offset = np.array([cell.jig.by_name[name].offset for name in made.face])
     m = len(made)
@@ -131,8 +125,8 @@ def _pivots(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     Columns of E are scaled to one length, and the largest pivot left is taken next. The wire is a point, as the
     paper's is.
     """
-    cell, planned = arc_welder(), _planned()
-    E = measurement_model(cell.robot).linearize(cell.theta, _rows(planned.plan.q, planned, radius=0.0))[1]
+    cell, planned = arc_welder(), touches_of_the_paper()
+    E = measurement_model(cell.robot).linearize(cell.theta, _rows(planned.q, planned, radius=0.0))[1]
     size = np.linalg.norm(E, axis=0)
     E = E[:, size > 0] / size[size > 0]
     M = E.T @ E
@@ -152,7 +146,7 @@ def _error_size(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     cell, rows = arc_welder(), []
     for scale in SCALES:
         true = np.tile(cell.theta + scale * (_truth() - cell.theta), (repeats, 1))
-        made = touch_every(cell, true, _planned().plan, rng, sigma=SIGMA)
+        made = touch_every(cell, true, touches_of_the_paper(), rng, sigma=SIGMA)
         found = {
             "one linear step (50)": linear_identification(cell, made, 1, update=False),
             "repeated linear steps (55)": linear_identification(cell, made, 20, update=False),
