@@ -255,7 +255,7 @@ class _Loop:
                 f"none of {self.tried} touches met the jig; are jig, base and tool where the cell file says, and its "
                 "priors honest?"
             )
-        self.belief = believe(self.cell, self.met)
+        self.belief = believe(self.cell, self.met, self.belief)
         good = self.met.take(self.belief.as_planned(self.met))
         self.after, self.promised = self._identified(good)
         self.keep.keep_calibration(job.number, self.after)

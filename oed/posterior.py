@@ -1,6 +1,6 @@
 """What a few touches and the tolerances tell together, while the touches alone could not determine the robot."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,8 @@ STARTS = 16
 BLUR = (20.0, 8.0, 3.0, 1.0)  # [mm], how exactly touches are taken while it is being found out what they met
 TURNS = 8  # of faces and parameters, for each blur
 DOUBTED = 2.0  # blurs from its face at which a touch weighs a quarter
+LATEST = 1.0  # [mm], the blur at which no search begins any more
+ALIKE_ROBOTS = 0.1  # of every tolerance
 SETTLED = 0.01  # of a tolerance, by which the parameters change no more
 RARE = 6.0  # -2 log of how much rarer another face is met than the planned one
 ALIKE = 0.7  # least cosine between the normals of the planned face and of one that a search from nowhere may meet
@@ -42,17 +44,26 @@ class Belief:
         return self.used & np.array([a == b for a, b in zip(self.touches.face, touches.face, strict=True)], dtype=bool)
 
 
-def believe(cell: Cell, touches: Touches) -> Belief:
+def believe(cell: Cell, touches: Touches, before: Belief | None = None) -> Belief:
     """The most probable parameters (MAP) and faces met; nothing is eliminated, only what is called fixed stays.
 
     A robot that is badly known may meet another face than the planned one, and the controller cannot tell. So faces are
     found together with the parameters: from many robots that the tolerances allow, by turns the nearest faces and the
-    parameters, with touches taken more and more exactly; the most probable end is returned.
+    parameters, with touches taken more and more exactly; the most probable end is returned. What was believed
+    `before`, of fewer touches, is where one of the searches begins.
     """
     search = _Search(cell, touches)
-    ends = [search.settle(start, blurs) for start in search.starts() for blurs in (BLUR, BLUR[1:], BLUR[2:])]
-    theta, face = min(ends, key=lambda end: search.surprise(*end))
+    starts, found = search.starts(), list[End]()
+    known = [] if before is None else [before.theta]
+    for blur in BLUR:
+        ends = (search.settle(theta, blur) for theta in [*known, *(theta for theta, _ in found), *starts])
+        found = search.different(ends)
+        starts = search.around(found, blur) if blur > LATEST else []
+    theta, face = min(found, key=lambda end: search.surprise(*end))
     return search.belief(theta, face)
+
+
+End = tuple[Float[np.ndarray, " parameters"], Int[np.ndarray, " touches"]]  # parameters and faces that go together
 
 
 @dataclass(eq=False)
@@ -84,21 +95,38 @@ class _Search:
         best = np.argsort(score)[:STARTS]
         return [self.cell.theta, *drawn[best]]
 
-    def settle(
-        self, theta: Float[np.ndarray, " parameters"], blurs: Sequence[float]
-    ) -> tuple[Float[np.ndarray, " parameters"], Int[np.ndarray, " touches"]]:
-        """Parameters and faces that belong together; touches are taken as exactly as each blur says, by turns."""
-        every, face = np.arange(len(self.planned)), self.nearest(theta, blurs[0])
-        for blur in blurs:
-            for _ in range(TURNS):
-                off = self._misfit(theta, blur)[every, face]
-                before, (theta, _) = theta, self.solve(theta, face, blur * (1 + off / DOUBTED**2), steps=2)
-                again = self.nearest(theta, blur)
-                moved = np.abs((theta - before)[self.free] / self.prior).max()
-                if np.array_equal(again, face) and moved < SETTLED:
-                    break
-                face = again
+    def settle(self, theta: Float[np.ndarray, " parameters"], blur: float) -> End:
+        """Parameters and faces that go together where touches are taken as exactly as the blur [mm] says."""
+        every, face = np.arange(len(self.planned)), self.nearest(theta, blur)
+        for _ in range(TURNS):
+            off = self._misfit(theta, blur)[every, face]
+            before, (theta, _) = theta, self.solve(theta, face, blur * (1 + off / DOUBTED**2), steps=2)
+            again = self.nearest(theta, blur)
+            moved = np.abs((theta - before)[self.free] / self.prior).max()
+            if np.array_equal(again, face) and moved < SETTLED:
+                break
+            face = again
         return theta, face
+
+    def different(self, ends: Iterable[End]) -> list[End]:
+        """One of each that are alike."""
+        found = list[End]()
+        for theta, face in ends:
+            near = (np.abs((theta - other)[self.free] / self.prior).max() < ALIKE_ROBOTS for other, _ in found)
+            if not any(near):
+                found.append((theta, face))
+        return found
+
+    def around(self, ends: Sequence[End], blur: float) -> list[Float[np.ndarray, " parameters"]]:
+        """Other robots that touches taken as exactly as the blur says leave possible, drawn beside each of the ends."""
+        rng, drawn = np.random.default_rng(len(ends)), list[Float[np.ndarray, " parameters"]]()
+        for theta, face in ends:
+            C = self.solve(theta, face, np.full(len(face), blur), steps=1)[1]
+            for z in rng.standard_normal((max(1, STARTS // len(ends)), len(C))):
+                other = theta.copy()
+                other[self.free] += self.prior * (np.linalg.cholesky(C) @ z)
+                drawn.append(other)
+        return drawn
 
     def surprise(self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]) -> float:
         """Minus twice the logarithm of the posterior density; what is far from every face counts as an outlier."""
