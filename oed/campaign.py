@@ -17,8 +17,7 @@ from oed.assurance import assurance, tip_deviation
 from oed.clearance import Clearance
 from oed.planning import plan as make_plan
 from oed.posterior import Belief, believe, believed, free, provisional
-from oed.sequence import between
-from oed.wary import POINTS, WaryWays, begun, plan_warily
+from oed.wary import WaryWays, begun, plan_warily
 from probe.controller import TouchError
 
 SPARE = 5  # touches beyond the number of parameters, before the touches alone are asked
@@ -30,7 +29,6 @@ BATCH = 40  # touches of a stage at the most
 LEAST = 8  # and at the least
 WORTH = 0.02  # of the promise that ten more touches must gain
 STAGES = 40
-SLACK = 1.0  # [mm], of a search beyond the farthest contact
 STANDOFF = 15.0  # [mm], of an approach beyond that, on the ways around a jig that is not quite where it seems
 ARRIVED = (HIT, "miss", "outlier")  # touches that the robot did approach
 
@@ -224,23 +222,18 @@ class _Loop:
                     said = said or error
                     continue
                 found = found.take(np.arange(min(len(found), self.most - self.tried)))
-                return _named(found, self.tried), (approach, max(approach + beyond, self._farthest(found) + SLACK))
+                return _named(found, self.tried), (approach, approach + beyond)
         assert said is not None
         raise said
-
-    def _farthest(self, plan: Plan) -> float:
-        """The longest way from an approach to its contact [mm]: a touch made once more begins where it did before."""
-        theta = self.cell.theta if self.after is None else self.after.theta
-        q = between(plan.approach, plan.q, POINTS)
-        tip = self.cell.kinematics.tip(q.reshape(-1, q.shape[2]), theta)[0].reshape(*q.shape[:2], 3)
-        return float(np.linalg.norm(np.diff(tip, axis=1), axis=2).sum(axis=1).max())
 
     def _chosen(self, cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
         """Touches for a robot that is hardly known, or planned with care."""
         if self.promised is None or after is None:
             return plan_warily(cell, n, rng, after, self.trail)
         found = self.planner(cell, n, rng, after)
-        return begun(found, WaryWays(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
+        started = begun(found, WaryWays(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
+        stuck = started is found and self.trail is not None  # no way leads to any of them from where the robot stands
+        return plan_warily(cell, n, rng, after, self.trail) if stuck else started
 
     def _made(self, job: Job) -> Stage:
         """Touch, then identify from all touches so far."""

@@ -59,8 +59,7 @@ def believe(cell: Cell, touches: Touches, before: Belief | None = None) -> Belie
         ends = (search.settle(theta, blur) for theta in [*known, *(theta for theta, _ in found), *starts])
         found = search.different(ends)
         starts = search.around(found, blur) if blur > LATEST else []
-    theta, face = min(found, key=lambda end: search.surprise(*end))
-    return search.belief(theta, face)
+    return search.belief(*search.plainest(min(found, key=lambda end: search.surprise(*end))))
 
 
 End = tuple[Float[np.ndarray, " parameters"], Int[np.ndarray, " touches"]]  # parameters and faces that go together
@@ -107,6 +106,14 @@ class _Search:
                 break
             face = again
         return theta, face
+
+    def plainest(self, end: End) -> End:
+        """The end with planned faces in place of others, one after the other, wherever that is more probable."""
+        for i in np.flatnonzero(end[1] != self.planned):
+            face = np.where(np.arange(len(self.planned)) == i, self.planned, end[1])
+            theta, _ = self.solve(end[0], face, np.full(len(face), BLUR[-1]), steps=3)
+            end = min(end, (theta, face), key=lambda some: self.surprise(*some))
+        return end
 
     def different(self, ends: Iterable[End]) -> list[End]:
         """One of each that are alike."""

@@ -1,11 +1,12 @@
 """Touches for a badly known robot: chosen quickly, and visited on ways that are clear for nearly all that it may be."""
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse.csgraph import shortest_path
 
 from identify.model.calibration import Calibration
 from identify.model.cell import Cell
@@ -13,6 +14,7 @@ from identify.model.touch import Plan
 from oed.choice import Best, visited
 from oed.information import drawn
 from oed.offer import Offer, offer, plan_of
+from oed.roadmap import with_via
 from oed.sequence import between
 from oed.torch import STICKOUT
 from oed.ways import FINE, Ways
@@ -99,21 +101,43 @@ def in_reach(plan: Plan, ways: Ways) -> Plan:
 def begun(plan: Plan, ways: Ways, trail: Plan | None) -> Plan:
     """The plan in an order that begins with a clear way from the last touch of a trail, where the robot stands.
 
-    Where there is none, a touch of the trail that leads on is made once more, first.
+    Where there is none, the robot goes back first the way that it has come, until one leads on. The plan itself is
+    returned where none does.
     """
     if trail is None:
         return plan
-    stands, at = trail.approach[-1:], plan.approach
-    bridges = [None, *range(len(trail) - 2, -1, -1)]
-    open_ = [True, *ways.clear(np.tile(stands, (len(trail) - 1, 1)), trail.approach[-2::-1]).tolist()]
-    if len(open_) > 1:
-        open_[1] = True  # the robot has come that way
-    for anew in (False, True):
-        for bridge, usable in zip(bridges, open_, strict=True):
-            start = stands if bridge is None else trail.approach[bridge : bridge + 1]
-            if usable and (found := _from(start, at, ways, anew)) is not None:
-                return plan.take(found) if bridge is None else _after(trail, bridge, plan.take(found))
+    for back in _retreats(trail.approach[::-1], ways):
+        start = back[-1:] if len(back) else trail.approach[-1:]
+        for anew in (False, True):
+            if (found := _from(start, plan.approach, ways, anew)) is not None:
+                return _over(plan.take(found), back)
     return plan
+
+
+def _retreats(been: Float[np.ndarray, "touches joints"], ways: Ways) -> Iterator[Float[np.ndarray, "postures joints"]]:
+    """None, and then the shortest ways back to where the robot has been, the last place first."""
+    yield been[:0]
+    if len(been) < 2:
+        return
+    clear = ways.among(been)
+    clear |= np.abs(np.subtract.outer(np.arange(len(been)), np.arange(len(been)))) == 1  # it has come that way
+    hops, before = shortest_path(clear, directed=False, unweighted=True, return_predecessors=True, indices=0)
+    for k in np.argsort(hops, kind="stable")[1:]:
+        way = [int(k)]
+        while before[way[0]] != 0:
+            way.insert(0, int(before[way[0]]))
+        yield been[way]
+
+
+def _over(plan: Plan, back: Float[np.ndarray, "postures joints"]) -> Plan:
+    """The plan whose first touch is reached over some postures."""
+    if not len(back):
+        return plan
+    wide = max(plan.via.shape[1], len(back))
+    via = np.full((len(plan), wide, plan.q.shape[1]), np.nan)
+    via[:, : plan.via.shape[1]] = plan.via
+    via[0], via[0, : len(back)] = np.nan, back
+    return with_via(plan, via)
 
 
 def _from(
@@ -129,15 +153,6 @@ def _from(
     first, last = ways.clear(np.vstack([start, start]), at[[0, -1]])
     index = np.arange(len(at))
     return index if first else index[::-1] if last else None
-
-
-def _after(trail: Plan, bridge: int, plan: Plan) -> Plan:
-    """A touch of the trail, and then the plan."""
-    once, columns = trail.take(np.array([bridge])), dict[str, Any]()
-    for name in (f.name for f in fields(Plan)):
-        a, b = getattr(once, name), getattr(plan, name)
-        columns[name] = np.concatenate([a, b]) if isinstance(a, np.ndarray) else a + b
-    return Plan(**columns)
 
 
 def _walk(clear: Bool[np.ndarray, "places places"], far: Float[np.ndarray, "places places"]) -> list[int] | None:

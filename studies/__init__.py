@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-STUDIES = ("strategies", "paper", "models", "observability", "touches", "jig", "peers", "beyond")
+STUDIES = ("strategies", "paper", "models", "observability", "touches", "jig", "peers", "beyond", "campaign")
 """Every study is a module of this package: its docstring is question, setup and answer; `tasks`, `run`, `answer` and
 `pictures` make it (`studies.engine.Study`)."""
 

@@ -1,6 +1,7 @@
 """Touch, identify and plan by turns: against hidden robots that only the simulator knows."""
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -8,12 +9,13 @@ import pytest
 from identify.model.calibration import summarize
 from identify.model.cell import Priors
 from identify.model.files import InputError
+from identify.model.touch import Plan, joined
 from identify.model.zone import zone_poses
 from oed.assurance import assured
 from oed.campaign import campaign
 from oed.cli.project import Folder, touches_of
 from oed.posterior import believe, believed
-from oed.wary import plan_warily
+from oed.wary import begun, plan_warily
 from probe.controller import TouchError
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, draw_truth
@@ -103,7 +105,8 @@ def test_the_promise_is_the_95th_percentile_of_a_known_law():
 
 def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(known, done):
     truth, found = done
-    made = found.stages[-1].touches.take(np.array([s == "hit" for s in found.stages[-1].touches.status]))
+    made = reduce(joined, (stage.touches for stage in found.stages))
+    made = made.take(np.array([s == "hit" for s in made.status]))
     tip = known.kinematics.tip(made.q, truth.theta)[0]
     high = int(np.argmax([name.startswith("top") for name in made.face]))
     other = next(name for name in ("top-low", "top-high") if name != made.face[high])
@@ -117,7 +120,7 @@ def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(kno
     belief = believe(known, moved)
 
     assert not belief.as_planned(moved)[high]
-    assert belief.as_planned(moved).sum() >= len(moved) - 2
+    assert belief.as_planned(moved).sum() > 0.85 * len(moved)  # some of the first did meet another face
 
 
 @pytest.fixture(scope="module")
@@ -149,21 +152,32 @@ def test_searches_that_met_another_face_or_the_table_are_told_from_the_others(fa
     assert off[1].max() < 0.7 * off[0].max()
 
 
-def test_a_touch_made_once_more_with_shorter_searches_still_reaches_its_contact(known, far, monkeypatch):
-    monkeypatch.setattr("oed.campaign.plan_warily", lambda *planned: far[1])
-    jobs = []
+class Corridor:
+    """Ways along y = 0 to the next place, and straight up from there."""
 
-    def refuse(job):
-        jobs.append(job)
-        raise Killed
+    def clear(self, start, end):
+        along = (start[:, 1] == 0) & (end[:, 1] == 0) & (np.abs(start[:, 0] - end[:, 0]) <= 1)
+        return along | (start[:, 0] == end[:, 0])
 
-    with pytest.raises(Killed):
-        campaign(known, target_mm=0.3, rng=np.random.default_rng(0), touch=refuse)
+    def among(self, at):
+        return np.array([self.clear(np.tile(one, (len(at), 1)), at) for one in at])
 
-    cell, plan = jobs[0].cell, jobs[0].plan
-    tip = [cell.kinematics.tip(q, known.theta)[0] for q in (plan.approach, plan.q)]
-    assert cell.touch.approach < 70
-    assert np.linalg.norm(tip[1] - tip[0], axis=1).max() < cell.touch.travel
+
+def places(*at):
+    n, q = len(at), np.array(at, dtype=float)
+    return Plan(tuple(map(str, range(n))), ("top",) * n, np.zeros((n, 3)), np.zeros((n, 3)), q, q)
+
+
+def test_a_robot_goes_back_the_way_it_has_come_where_no_other_leads_on():
+    trail, plan = places([0, 0], [1, 0], [2, 0]), places([0, 3], [0, 1])
+
+    found = begun(plan, Corridor(), trail)
+
+    np.testing.assert_array_equal(found.way(0), [[1, 0], [0, 0], found.approach[0]])
+    assert sorted(found.ids) == ["0", "1"]
+    np.testing.assert_array_equal(found.way(1), found.approach[1:])
+    elsewhere = places([5, 1], [6, 1])
+    assert begun(elsewhere, Corridor(), trail) is elsewhere
 
 
 def test_the_believed_cell_has_the_believed_robot(known, rng):
