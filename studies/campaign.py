@@ -2,10 +2,10 @@
 
 Setup: robots drawn from the priors of the paper's cell (41 mm off at the tip, 1 sigma in the worst direction), faces
 off by their tolerances, touches that scatter by 0.05 mm, a controller that cannot tell what was met. A campaign
-touches, identifies and plans (quickly) by turns until it promises 0.15 mm (95 % of the poses of the zone, 95 of 100 robots), for
-50 robots. One shot makes 100, 200 or 400 touches planned for the robot on the drawing (`optimal`) or spread evenly over
-the faces, searched for as far as a campaign searches first, and identified as a campaign does; ten of the robots. All
-touches that are tried count. The tip is compared with the truth at 500 poses of the zone.
+touches, identifies and plans (quickly) by turns until it promises 0.15 mm (95 % of the poses of the zone, 95 of 100
+robots), for 50 robots. One shot makes 100, 200 or 400 touches planned for the robot on the drawing (`optimal`) or
+spread evenly over the faces, searched for as far as a campaign searches first, and identified as a campaign does; ten
+of the robots. All touches that are tried count. The tip is compared with the truth at 500 poses of the zone.
 
 Answer: yes. All 50 campaigns reached 0.15 mm, after 71 to 128 touches, median 88; 46 (92 %) kept what they promised,
 and the worst delivered 0.156 mm. One shot needs 200 to 400 planned touches in the median for the same promise, and even
