@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from hypothesis import strategies as st
+from identified import identified
 from measured import table_2
 from oracle import forward
 from scipy.spatial.transform import Rotation
@@ -15,6 +16,7 @@ from identify.model.inverse import reach
 
 CELL: Cell = read_cell(library("cells")["arc-welder"])
 TRUTH = table_2(CELL)
+EXACT, SAME = identified(CELL, TRUTH), identified(CELL, CELL.theta)  # a robot known exactly, one as it is believed
 LOW = np.array([-0.7, -0.2, -0.6, -1.0, 0.5, -2.0])
 HIGH = np.array([0.7, 0.5, 0.3, 1.0, 1.3, 2.0])
 ROUND_MM, ROUND_DEG = 0.003, 0.003  # what three decimals leave, with some room for the lever of an angle

@@ -210,7 +210,7 @@ def test_settings_that_make_no_sense_are_refused(bench: Bench, settings: Setting
 
 def test_a_plan_for_a_robot_with_fewer_joints_is_refused(cell: Cell, plan: Plan) -> None:
     with pytest.raises(InputError, match="for 5 joints, the robot 'arc-welder' has 6"):
-        validate(replace(plan, q=plan.q[:, :5], approach=plan.approach[:, :5]), cell, USUAL)
+        validate(replace(plan, q=plan.q[:, :5], approach=plan.approach[:, :5], via=plan.via[..., :5]), cell, USUAL)
 
 
 def test_every_mistake_of_a_plan_is_told_at_once(cell: Cell, plan: Plan) -> None:

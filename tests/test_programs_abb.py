@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identified import identified
 from programs import (
     CELL,
+    EXACT,
     ROUND_DEG,
     ROUND_MM,
-    TRUTH,
+    SAME,
     base_T_tip,
     from_quaternion,
     from_wpr,
@@ -29,7 +29,6 @@ from identify.programs.fixing import fix
 from identify.programs.setup import Setup
 from identify.starts import nominal
 
-EXACT, SAME = identified(CELL, TRUTH), identified(CELL, CELL.theta)
 Q = np.array([0.1, 0.2, -0.3, 0.4, 0.9, 0.3])
 FRAME = from_wpr(np.array([500.0, -100.0, 200.0, 30.0, -10.0, 5.0]))
 FLANGE_T_TIP = transform(CELL.theta[-6:])

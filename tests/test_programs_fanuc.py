@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identified import identified
 from programs import (
     CELL,
+    EXACT,
     ROUND_DEG,
     ROUND_MM,
+    SAME,
     TRUTH,
     base_T_tip,
     from_wpr,
@@ -28,7 +29,6 @@ from identify.programs.fixing import fix
 from identify.programs.setup import Setup
 from identify.starts import nominal
 
-EXACT, SAME = identified(CELL, TRUTH), identified(CELL, CELL.theta)
 Q = np.array([0.1, 0.2, -0.3, 0.4, 0.9, 0.3])
 VALUE = re.compile(r"([XYZWPR]|J\d)\s*=\s*(-?\d*\.\d+)")
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identified import identified
 from programs import (
     CELL,
+    EXACT,
     ROUND_DEG,
     ROUND_MM,
-    TRUTH,
+    SAME,
     base_T_tip,
     from_wpr,
     joints,
@@ -27,7 +27,6 @@ from identify.model.frames import inverse, transform
 from identify.programs.fixing import fix
 from identify.programs.setup import Setup
 
-EXACT, SAME = identified(CELL, TRUTH), identified(CELL, CELL.theta)
 Q = np.array([0.1, 0.2, -0.3, 0.4, 0.9, 0.3])
 PULSES = np.array([1341.4, 1200.0, -1333.3, 900.1, 980.0, 512.5])
 FRAME = from_wpr(np.array([500.0, -100.0, 200.0, 30.0, -10.0, 5.0]))
