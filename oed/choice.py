@@ -124,6 +124,8 @@ class Best:
     ) -> Int[np.ndarray, " n"]:
         """N of those allowed; `before` are touches to begin with, as far as they are."""
         some = np.flatnonzero(allowed)
+        if before is None and CRITERIA[self.criterion].bound is None:  # swaps alone would stick far from the best
+            before = replace(self, criterion="E")(allowed, None)
         start = None if before is None else np.searchsorted(some, np.intersect1d(before, some))
         searches = self.searches if before is None else min(self.searches, FEW)
         found = exact_design(

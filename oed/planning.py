@@ -23,7 +23,7 @@ from oed.zone import Promise
 
 CRITERION = "V"
 COUNT = 20_000  # touches on offer: more are worth a percent each time that their number doubles
-MANIFOLD = "all touches of the faces, as far as polishing the best on offer finds better ones, clear of the jig or not"
+MANIFOLD = "all touches of the faces, clear of the jig or not, as far as polishing the best of these finds better ones"
 Progress = Callable[[str, float], None]  # what is being done, and how much of the whole is done (0 ... 1)
 
 
@@ -36,7 +36,9 @@ class PlanResult:
     criterion: str
     indices: dict[str, float]  # every criterion of the table, of these touches alone
     efficiency: float | None  # against the bound on what `efficiency_covers`; None where there is no bound
-    efficiency_covers: str  # candidates: all touches on offer that can be visited
+    efficiency_covers: str  # candidates: the touches on offer that clear ways join, of which there are
+    joined: int
+    offered: int  # touches on offer
     manifold: float | None  # efficiency against all touches that there are, as far as they were looked for
     promise: Promise
     curve: tuple[tuple[int, float], ...]  # numbers of touches, and the 95 % tip error in the zone to expect [mm]
@@ -102,6 +104,7 @@ def summary(result: PlanResult) -> dict[str, Any]:
         "indices": dict(result.indices),
         "efficiency": result.efficiency,
         "efficiency_covers": result.efficiency_covers,
+        "candidates": {"offered": result.offered, "joined": result.joined},
         "manifold": result.manifold,
         "manifold_covers": MANIFOLD,
         "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
@@ -148,7 +151,8 @@ def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
     return PlanResult(
         plan=made, strategy=setting.strategy, criterion=setting.criterion,
         indices={name: float(score(name, rows.T @ rows, len(rows), tip)) for name in CRITERIA},
-        efficiency=choice.efficiency, efficiency_covers="candidates", manifold=choice.manifold,
+        efficiency=choice.efficiency, efficiency_covers="candidates", joined=choice.joined,
+        offered=len(offered.found), manifold=choice.manifold,
         promise=offered.promise(touches), curve=curve(offered, touches, least),
         minutes=minutes(known.cell, made, offered.off(touches)),
         unseen=unseen(known, pool, rows, offered.zone),

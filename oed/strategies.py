@@ -33,7 +33,8 @@ class Choice:
 
     touches: Candidates
     order: Order
-    efficiency: float | None = None  # against the bound on the touches on offer that can be visited
+    joined: int = 0  # touches on offer but those that no clear way was found to, where that was asked
+    efficiency: float | None = None  # against the bound on these
     manifold: float | None = None  # against the bound on all touches, as far as they were looked for
 
 
@@ -77,17 +78,17 @@ class Setting:
         say("choosing", 0.0)
         pick = Best(self.offered, n, self.criterion, searches=self._searches(n))
         visit = visited(self.offered, pick, self.rng, linked(pick))
-        bound = pick.bound(visit.allowed)
+        bound, joined = pick.bound(visit.allowed), int(visit.allowed.sum())
         touches = self.offered.found.take(visit.order.index)
         say("refining", 0.5)
         refinement = Refinement(self.offered.known, self.offered.judge)
         touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.3 * share))
         M = self._information(self._rows(touches))
         if not self.smooth:
-            return Choice(touches, found, self._efficiency(M, bound))
+            return Choice(touches, found, joined, self._efficiency(M, bound))
         say("bounding", 0.8)
         manifold = certify(self.offered, refinement, self.aim, bound.information, n, visit.allowed)
-        return Choice(touches, found, self._efficiency(M, bound), manifold.efficiency(self.aim, M))
+        return Choice(touches, found, joined, self._efficiency(M, bound), manifold.efficiency(self.aim, M))
 
     def _searches(self, n: int) -> int:
         return SEARCHES * 50 // max(50, n) if self.smooth else FEWER

@@ -134,8 +134,8 @@ def test_a_robot_that_may_be_far_off_is_kept_farther_from_the_jig(made):
 
 def test_the_command_tells_the_promise_the_curve_the_certificates_and_what_limits_it(made):
     for words in (f"{N} touches, criterion V, about", "promised tip error in the weld zone: RMS 0.0", "touches   ",
-                  "95 % [mm]", "indices: O1 ", "of the best possible over the touches on offer",
-                  "of the best possible over all touches of the faces, as far as polishing", "wrote "):  # fmt: skip
+                  "95 % [mm]", "indices: O1 ", "touches on offer that clear ways join",
+                  "of the best possible over all touches of the faces, clear of the jig or not", "wrote "):  # fmt: skip
         assert words in made.out
     assert made.told["touches"] == len(made.rows) == N
     assert 0.5 < made.told["manifold"] < made.told["efficiency"] < 1

@@ -10,11 +10,12 @@ from identify.model.files import InputError
 from identify.model.tables import plan_text
 from identify.model.zone import zone_poses
 from oed.aim import mean_square
-from oed.choice import robust
+from oed.choice import Best, robust
 from oed.criteria import CRITERIA
 from oed.information import built_knowledge, drawn
 from oed.offer import offer
 from oed.planning import plan, summary
+from oed.relaxation import phi
 from oed.strategies import STRATEGIES
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import draw_truth
@@ -145,6 +146,17 @@ def test_progress_goes_from_nothing_to_all(arc_welder):
     shares = [share for _, share in heard]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
+def test_touches_chosen_by_any_criterion_are_hardly_beaten_by_those_of_another(offered):
+    """Chosen alike, from touches on offer, by the criterion without what was known before."""
+    everything = np.ones(len(offered.found), dtype=bool)
+    best = {name: Best(offered, N, name)(everything, None) for name in CRITERIA}
+    M = {name: offered.known.precision + offered.rows[i].T @ offered.rows[i] for name, i in best.items()}
+
+    for name in CRITERIA:
+        worth = {other: phi(CRITERIA[name], M[other], offered.tip) for other in CRITERIA}
+        assert worth[name] > 0.95 * max(worth.values()), name
 
 
 def test_a_criterion_that_is_not_smooth_plans_too(arc_welder):

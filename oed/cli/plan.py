@@ -124,9 +124,11 @@ def _curve(points: list[dict[str, float]]) -> list[str]:
 
 def _certificate(told: dict[str, Any]) -> list[str]:
     """How near to the best, and to the best of what."""
-    lines = []
-    if told["efficiency"] is not None:
-        lines.append(f"at least {100 * told['efficiency']:.1f} % of the best possible over the touches on offer")
+    lines, share = [], told["efficiency"]
+    if share is not None:
+        among = "the {joined} of {offered} touches on offer that clear ways join".format(**told["candidates"])
+        better = ", which these are moved from to where they tell more" if share > 1 else ""
+        lines.append(f"at least {100 * share:.1f} % of the best possible over {among}{better}")
     if told["manifold"] is not None:
         lines.append(f"at least {100 * told['manifold']:.1f} % of the best possible over {told['manifold_covers']}")
     return lines
