@@ -205,7 +205,7 @@ class Motion:
             if not route:
                 raise InTheWay(
                     f"every way to touch '{name}' leads through the jig from where the robot stands; "
-                    "jog it above the jig, then go on with --trust-position (touchcal run: --resume --trust-position)"
+                    "jog it above the jig, then go on with --resume --trust-position"
                 )
             for q in route:
                 self._move(q, name, "move", self.here, self.settings.move_speed)

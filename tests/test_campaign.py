@@ -1,5 +1,6 @@
 """Touch, identify and plan by turns: against hidden robots that only the simulator knows."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import reduce
 
@@ -12,10 +13,12 @@ from identify.model.files import InputError
 from identify.model.touch import Plan, joined
 from identify.model.zone import zone_poses
 from oed.assurance import assured
-from oed.campaign import campaign
-from oed.cli.project import Folder, touches_of
+from oed.campaign import Job, campaign
+from oed.cli.project import Folder, over_port, touches_of
 from oed.posterior import believe, believed
 from oed.wary import begun, plan_warily
+from probe import Settings
+from probe.clock import Clock
 from probe.controller import TouchError
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, draw_truth
@@ -225,6 +228,17 @@ def test_plans_of_another_cell_or_changed_by_hand_are_refused(known, first, arc_
     path.write_text(path.read_text().replace("0.0", "0.5", 1))
     with pytest.raises(InputError, match="changed after it was planned"):
         Folder(tmp_path, known, {}).planned(1)
+
+
+def test_a_campaign_that_stops_names_no_option_that_it_does_not_have(known, first, tmp_path, monkeypatch):
+    def stop(*_, **__):
+        raise TouchError("move it there by hand, then go on with --resume --trust-position")
+
+    monkeypatch.setattr("oed.cli.project.open_controller", stop)
+    job = Job(1, known, first, True, 1.0)
+
+    with pytest.raises(TouchError, match="go on with the same command and --trust-position"):
+        over_port(tmp_path, known, lambda job: nullcontext("loop://"), "line", Settings(), Clock())(job)
 
 
 def test_a_stage_without_all_its_rows_is_not_complete(known, first, tmp_path):

@@ -23,7 +23,7 @@ from oed.cli import sim
 from oed.cli.plan import write_summary
 from probe import Session, Settings, open_controller, run
 from probe.clock import Clock
-from probe.controller import InTheWay
+from probe.controller import InTheWay, TouchError
 from probe.events import Listener, ignore
 
 
@@ -105,6 +105,12 @@ def _run(job: Job, controller: Any, session: Session, settings: Settings, tell: 
             raise
 
 
+def as_campaigns_say(text: str) -> str:
+    """What a run says, where no option is needed to go on."""
+    again = "the same command"
+    return text.replace("--resume --trust-position", f"{again} and --trust-position").replace("--resume", again)
+
+
 def over_port(
     folder: Path, cell: Cell, port: Callable[[Job], AbstractContextManager[str]], protocol: str, settings: Settings,
     clock: Clock,
@@ -117,12 +123,15 @@ def over_port(
         made = touches_of(path, cell, job.plan)
         if made is None:
             patient = replace(settings, misses=len(job.plan) + 1, retries=0) if job.searching else settings
-            with (
-                port(job) as url,
-                closing(open_controller(url, protocol, cell.robot, clock=clock, **line)) as controller,
-                Session(path, job.cell, job.plan, resume=True, clock=clock) as session,
-            ):
-                _run(job, controller, session, patient, tell, clock)
+            try:
+                with (
+                    port(job) as url,
+                    closing(open_controller(url, protocol, cell.robot, clock=clock, **line)) as controller,
+                    Session(path, job.cell, job.plan, resume=True, clock=clock) as session,
+                ):
+                    _run(job, controller, session, patient, tell, clock)
+            except TouchError as error:
+                raise TouchError(as_campaigns_say(str(error))) from None
             made = _read(path, cell, job.plan)
         return made
 
