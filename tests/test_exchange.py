@@ -336,3 +336,13 @@ def test_structure_and_refinement_tell_more_than_three_times_as_many_random_cand
 def test_a_question_without_an_answer_gets_one_sentence(change, message):
     with pytest.raises(ValueError, match=message):
         exact_design(**{"rows": problem(16)[0], "n": 5, **change})
+
+
+def test_a_search_that_begins_with_a_good_set_does_not_lose_it(rng):
+    rows = rng.standard_normal((2000, 15))
+    thorough, hasty = (exact_design(rows, 25, iterations=many, rng=np.random.default_rng(1)) for many in (200, 1))
+
+    again = exact_design(rows, 25, iterations=1, start=thorough.indices, rng=np.random.default_rng(1))
+
+    assert hasty.value < thorough.value
+    assert again.value == pytest.approx(thorough.value)

@@ -10,7 +10,7 @@ from identify.model.files import InputError
 from identify.model.tables import plan_text
 from identify.model.zone import zone_poses
 from oed.aim import mean_square
-from oed.choice import Best, robust
+from oed.choice import Best, linked, robust
 from oed.criteria import CRITERIA
 from oed.information import built_knowledge, drawn
 from oed.offer import offer
@@ -146,6 +146,17 @@ def test_progress_goes_from_nothing_to_all(arc_welder):
     shares = [share for _, share in heard]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
+def test_postures_with_the_elbow_bent_past_the_shoulder_are_left_out(offered):
+    """Forearm or torch would have to pass through the shoulder to unbend it: nothing leads there from the others."""
+    bent = offered.found.q[:, 2] > np.radians(108)
+
+    joined = linked(Best(offered, N, "V"))
+
+    assert bent.sum() > 20
+    assert joined[bent].mean() < 0.1
+    assert joined[~bent].mean() > 0.85
 
 
 def test_touches_chosen_by_any_criterion_are_hardly_beaten_by_those_of_another(offered):
