@@ -101,4 +101,5 @@ def _solve(A: np.ndarray, b: np.ndarray, what: str) -> np.ndarray:
             f"{what}: fit needs at least {A.shape[1]} independent measurements, there are {len(A)}; "
             "measure more, or write the nominal frames in cell.yaml"
         )
-    return np.linalg.lstsq(A / unit, b, rcond=1e-10)[0] / unit
+    triangle = np.asarray(np.linalg.qr(np.column_stack([A / unit, b]), mode="r"))  # the same least squares in few rows
+    return np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-10)[0] / unit

@@ -116,27 +116,17 @@ def independent(
 ) -> tuple[list[int], dict[int, dict[int, float]]]:
     """Columns that no earlier one in `order` explains, and for each other its coefficients on them (rank-revealing QR).
 
-    Modified Gram-Schmidt with a second pass: the order is the reader's, so pivoting is not free to choose. It works on
-    the triangle of A, whose columns have the lengths and angles of those of A.
+    The order is the reader's, so pivoting is not free to choose. A column that others explain leaves its reflector to
+    rounding, which takes one of the many directions that no column has: A needs many more rows than columns.
     """
-    R = np.asarray(np.linalg.qr(A, mode="r"))
-    Q = np.empty((len(R), len(R)))
-    kept: list[int] = []
-    left: list[int] = []
-    enough = tolerance * max(float(np.sqrt((R**2).sum(axis=0)).max(initial=0.0)), 1e-300)
-    for i in order:
-        known, rest = Q[: len(kept)], R[:, i]
-        for _ in range(2):
-            rest = rest - (known @ rest) @ known
-        length = float(np.sqrt(rest @ rest))
-        if length > enough:
-            Q[len(kept)] = rest / length
-            kept.append(i)
-        else:
-            left.append(i)
-    C = np.linalg.lstsq(R[:, kept], R[:, left], rcond=None)[0]
+    R = np.asarray(np.linalg.qr(A[:, order], mode="r"))
+    lengths = np.sqrt((R * R).sum(axis=0))
+    new = np.abs(np.diag(R)) > tolerance * max(lengths.max(initial=0.0), 1e-300)
+    kept, left = np.asarray(order)[new].tolist(), np.asarray(order)[~new].tolist()
+    C = np.linalg.lstsq(R[:, new], R[:, ~new], rcond=None)[0]
     return kept, {
-        i: {k: float(c) for k, c in zip(kept, C[:, j], strict=True) if abs(c) > 1e-7} for j, i in enumerate(left)
+        i: {k: c for k, c in zip(kept, column, strict=True) if abs(c) > 1e-7}
+        for i, column in zip(left, C.T.tolist(), strict=True)
     }
 
 

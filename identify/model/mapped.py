@@ -1,5 +1,6 @@
 """One compiled CasADi function evaluated at many points at once, NumPy arrays in and out."""
 
+from collections import Counter
 from typing import Any, cast
 
 import casadi as ca
@@ -10,6 +11,7 @@ from identify.model.tape import columns
 CHUNK = 2048  # rows that CasADi's virtual machine walks in one call, so that memory stays bounded
 BLOCKS = 64, 128, 256  # rows of the functions that work on whole columns; their values stay in the cache
 FEWEST = 12  # rows from which the smallest of them is faster than the virtual machine
+OWN, AGAIN = 4, 20  # numbers of rows that get a block of their own each, after so many calls, if it holds them all
 WORTH = 2000  # rows after which the ten milliseconds that it takes to write these functions come back
 
 
@@ -24,6 +26,8 @@ class Mapped:
         self._maps: dict[int, ca.Function] = {}
         self._blocks: dict[tuple[int, tuple[bool, ...]], ca.Function | None] = {}
         self._done = 0
+        self._calls: Counter[int] = Counter()
+        self._own: set[int] = set()
 
     def __call__(self, *arguments: np.ndarray) -> tuple[np.ndarray, ...]:
         """Outputs of every row; an argument without a row axis is shared by all rows.
@@ -53,8 +57,9 @@ class Mapped:
         """Fill `out` a block of rows at a time; False where the function cannot be written so."""
         shared = tuple(a.ndim < 2 for a in arguments)
         start = 0
+        sizes = sorted({*BLOCKS, rows}) if self._deserves(rows) else BLOCKS
         while start < rows:
-            size = next((size for size in BLOCKS if size >= rows - start), BLOCKS[-1])
+            size = next((size for size in sizes if size >= rows - start), sizes[-1])
             block = self._block(size, shared)
             if block is None:
                 return False
@@ -67,6 +72,14 @@ class Mapped:
                 o[:, part] = of_block[:, : part.stop - start]
             start = part.stop
         return True
+
+    def _deserves(self, rows: int) -> bool:
+        """Whether a number of rows has a block of its own: some that are asked for again and again."""
+        if rows not in self._own and rows <= 2 * BLOCKS[-1] and len(self._own) < OWN:
+            self._calls[rows] += 1
+            if self._calls[rows] == AGAIN:
+                self._own.add(rows)
+        return rows in self._own
 
     def _block(self, size: int, shared: tuple[bool, ...]) -> ca.Function | None:
         if (size, shared) not in self._blocks:
