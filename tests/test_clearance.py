@@ -212,7 +212,7 @@ def test_without_a_jig_the_arm_has_only_itself_to_hit(rng):
 
 def test_what_stands_still_may_stand_in_the_table():
     cell = cell_of("arc-welder")
-    deep = replace(cell, jig=replace_boxes(cell.jig, Box((-1000, -1000, -50), (1000, 1000, 0))))
+    deep = replace(cell, jig=replace_boxes(cell.jig, Box((-1000.0, -1000.0, -50.0), (1000.0, 1000.0, 0.0))))
     upright = np.array([[0, -90, 0, 0, 0, 0]]) * DEG
 
     outside, _ = Clearance(deep, deep.theta).gaps(upright)

@@ -148,9 +148,9 @@ class MeasurementModel:
         return self.linearize(theta, rows)[0]
 
     def linearize(
-        self, theta: Float[np.ndarray, " parameters"], rows: Rows
+        self, theta: Float[np.ndarray, "*robots parameters"], rows: Rows
     ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows parameters"]]:
-        """Residuals [mm] and their Jacobian by all parameters [mm/mm] and [mm/rad]."""
+        """Residuals [mm] and their Jacobian by all parameters [mm/mm, mm/rad]; `theta` of one robot or of one a row."""
         columns = [rows.q, theta, rows.normal, rows.offset[:, None]]
         if self._made is not None:
             unknown = np.zeros((len(rows), len(self.robot.joints) + 1))
