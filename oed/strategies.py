@@ -21,7 +21,7 @@ from oed.sequence import Order
 
 STRATEGIES = ("optimal", "even", "random")
 RETURNS = 8  # times that touches at ways which moving them has blocked are put back, each time more around them
-SEARCHES = 120  # local ones for 50 touches that are refined then, fewer for more: they are nearer to the bound anyway
+SEARCHES = 40  # local ones for 50 touches that are refined then, fewer for more: they are nearer to the bound anyway
 SWEEPS = 2  # of moving touches: a third gains nothing that counts
 FEWER = 16  # of them, where each compares sets by a criterion with kinks
 Say = Callable[[str, float], None]
