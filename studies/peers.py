@@ -16,18 +16,18 @@ is reported as such.
 
 Answer: all that estimate with the tolerances end at the same unseen error; without them it is 1.2 times as large on the
 real robot, and millimetres on the simulated one, where the zone is small (figaroh structural 3.7 mm, pybotics 5.4 mm
-against 0.027 mm). One fit of ours takes 4.0 ms of positions, 7.1 ms of the IRB 120's and 5.0 ms of touches: 17, 9.3 and
-37 times as fast as SciPy, the fastest peer (68, 66 and 187 ms), and 400 times as fast as figaroh `map` (1.6 and 2.9 s).
+against 0.027 mm). One fit of ours takes 3.9 ms of positions, 5.8 ms of the IRB 120's and 4.3 ms of touches: 18, 11 and
+42 times as fast as SciPy, the fastest peer (72, 64 and 180 ms), and 470 times as fast as figaroh `map` (1.9 and 2.7 s).
 On the IRB 120 ours finds by itself where tracker and reflector are and which parameters the positions determine, which
 the others are told or leave to the tolerances, and that is a third of its time. `calibrate`, which also leaves outliers
-out, weighs the tolerances by the scatter and looks for faults, takes 8.0, 20 and 6.9 ms: 8.5, 3.3 and 27 times as fast
+out, weighs the tolerances by the scatter and looks for faults, takes 8.0, 20 and 8.0 ms: 9, 3.2 and 23 times as fast
 as one fit of SciPy, and on the IRB 120, where it fits four times, better (0.170 mm mean against 0.191). SciPy with our
-compiled equations takes 3 ms, so the gain is in the equations: Ipopt costs 0.3 ms to start and 0.4 ms an iteration. In
-batches of 200 robots, a calibration from touches takes 2.8 ms: 67 times as fast.
+compiled equations takes 3.4 to 4.0 ms, so the gain is in the equations: Ipopt costs 0.3 ms to start and 0.4 ms an
+iteration. In batches of 200 robots, a calibration from touches takes 2.7 ms: 66 times as fast.
 
-50 of 500 touches: `exact_design` takes 0.07 s for a D-efficiency of 0.966, with 480 searches 0.84 s for the same; cvxpy
-with Clarabel 2.3 s (0.948), figaroh's Detmax 10 s (0.955), its cone program 25 s and 1.6 GB (0.948). 50 of 4,000:
-0.34 s (0.960), with 480 searches 1.2 s (0.961), against 18 s (0.889), 0.11 GB against 0.42. That is 32 and 54 times as
+50 of 500 touches: `exact_design` takes 0.07 s for a D-efficiency of 0.966, with 480 searches 0.83 s for the same; cvxpy
+with Clarabel 2.3 s (0.948), figaroh's Detmax 12 s (0.955), its cone program 18 s and 1.6 GB (0.948). 50 of 4,000:
+0.37 s (0.960), with 480 searches 1.1 s (0.961), against 18 s (0.889), 0.11 GB against 0.42. That is 31 and 48 times as
 fast as the fastest peer, and better each time. (All 20,000 cost cvxpy 103 s and 1.3 GB, asked once, apart.)
 """
 
