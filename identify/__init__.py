@@ -4,11 +4,11 @@ from importlib import import_module
 from typing import Any
 
 _FRONT = {
-    "calibrate": "identify.calibration",
-    "compensate": "identify.compensation",
-    "judge": "identify.health",
-    "locate": "identify.localization",
-    "verify": "identify.verification",
+    "calibrate": "identify.estimation.calibrate",
+    "compensate": "identify.compensation.compensate",
+    "judge": "identify.health.judge",
+    "locate": "identify.workpiece.localization",
+    "verify": "identify.estimation.verification",
 }
 __all__ = ["calibrate", "compensate", "judge", "locate", "verify"]
 

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import DEG, Cell
-from identify.model.files import read_sheet
 from identify.model.frames import rotation, transform
-from identify.model.tables import POINT, joint_columns
+from identify.model.io.files import read_sheet
+from identify.model.io.tables import POINT, joint_columns
 
 EULER = ("w_deg", "p_deg", "r_deg")
 NEAR_MM, NEAR_RAD = 1.0, 0.2 * DEG  # a pendant shows nominal numbers, rounded: what is further off is another model

@@ -4,9 +4,9 @@ from importlib import import_module
 from typing import Any
 
 _FRONT = {
-    "approximate_design": "oed.relaxation",
-    "exact_design": "oed.exchange",
-    "plan": "oed.planning",
+    "approximate_design": "oed.design.relaxation",
+    "exact_design": "oed.design.exact",
+    "plan": "oed.planning.plan",
 }
 __all__ = ["approximate_design", "exact_design", "plan"]
 

@@ -4,13 +4,13 @@ from importlib import import_module
 from typing import Any
 
 _FRONT = {
-    "run": "probe.execution",
-    "retreat": "probe.execution",
-    "rehearse": "probe.rehearsal",
-    "Session": "probe.session",
-    "Settings": "probe.settings",
+    "run": "probe.runs.execution",
+    "retreat": "probe.runs.execution",
+    "rehearse": "probe.runs.rehearsal",
+    "Session": "probe.runs.session",
+    "Settings": "probe.motion.settings",
     "open_controller": "probe.controllers",
-    "estimate_delay": "probe.delay",
+    "estimate_delay": "probe.runs.delay",
 }
 __all__ = ["Session", "Settings", "estimate_delay", "open_controller", "rehearse", "retreat", "run"]
 

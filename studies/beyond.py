@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimation.folds import regions
+from identify.estimation.selection import Linear, choose, with_errors
 from identify.model.cell import Cell, Wire
-from identify.model.description import library, read_robot
 from identify.model.errors import ERROR_MODELS
 from identify.model.identifiability import structure
+from identify.model.io.description import library, read_robot
 from identify.model.measurement import Rows, measurement_model
-from identify.regions import regions
 from identify.report.svg import AFTER, BEFORE, Chart, axis, named, picture
-from identify.selection import Linear, choose, with_errors
 from studies.engine import Table, column, distinct, where
 
 TOUCHES, SIGMA, TRIALS = 300, 0.05, 100

@@ -31,18 +31,18 @@ from typing import Any
 
 import numpy as np
 
-from identify.calibration import CalibrationFailed, calibrate
-from identify.model.calibration import Calibration
+from identify.estimation.calibrate import CalibrationFailed, calibrate
+from identify.estimation.face_association import believe
 from identify.model.cell import Cell, Priors
-from identify.model.files import InputError
+from identify.model.io.calibration_file import Calibration
+from identify.model.io.files import InputError
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import Chart, axis, colour, picture
-from oed.assurance import assurance
-from oed.campaign import LONGEST, Campaign, Job, campaign
-from oed.planning import COUNT, plan
-from oed.posterior import believe
-from oed.wary import plan_warily
-from probe.controller import TouchError
+from identify.uncertainty.assurance import assurance
+from oed.campaigns.campaign import LONGEST, Campaign, Job, campaign
+from oed.planning.plan import COUNT, plan
+from oed.planning.uncertain import plan_warily
+from probe.line.controller import TouchError
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, draw_truth
 from studies.common import FEW, arc_welder, zone

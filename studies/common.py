@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell
+from identify.model.io.description import library, read_cell
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
-from oed.offer import Offer, offer
-from oed.planning import plan
+from oed.planning.candidate_set import Offer, offer
+from oed.planning.plan import plan
 
 TOUCHES = 100  # as many as the paper made
 FEW = 1500  # touches on offer where a study only shows that it works

@@ -27,11 +27,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
-from oed.exchange import exact_design
-from oed.offer import Offer, offer, plan_of
-from oed.relaxation import approximate_design
+from identify.model.io.files import InputError
+from oed.design.exact import exact_design
+from oed.design.relaxation import approximate_design
+from oed.planning.candidate_set import Offer, offer, plan_of
 from studies.common import arc_welder, zone
 from studies.jig_shown import ROBOTS, TOUCHES, answer, pictures
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every

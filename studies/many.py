@@ -9,7 +9,7 @@ from identify.model.cell import Cell
 from identify.model.identifiability import structure
 from identify.model.measurement import Rows, measurement_model
 from identify.model.touch import Plan
-from oed.information import touch_sigma
+from identify.uncertainty.information import touch_sigma
 from probe.virtual.batch import search_end
 from probe.virtual.contact import INTERVAL, Paths, first_contact
 from probe.virtual.surfaces import surfaces

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from identify.report.svg import AFTER, Chart, axis, logarithmic, picture
-from oed.criteria import CRITERIA, score
-from oed.offer import plan_of
+from oed.criteria.criteria import CRITERIA, score
+from oed.planning.candidate_set import plan_of
 from studies.common import arc_welder, offered, zone
 from studies.engine import Table, column
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every

@@ -29,7 +29,7 @@ from identify.model.touch import Plan
 from identify.report.svg import AFTER, BEFORE, OUT, Axis, Chart, axis, logarithmic, picture
 from probe import Session, Settings, open_controller
 from probe import run as make_touches
-from probe.clock import Clock
+from probe.line.clock import Clock
 from probe.virtual.server import serve
 from probe.virtual.truth import Truth, read_truth, truth_path
 from studies.common import arc_welder, touches_of_the_paper, zone

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 
 from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, picture
-from oed.relaxation import approximate_design
+from oed.design.relaxation import approximate_design
 from studies.engine import Table, column, distinct, where
 from studies.peers_problems import QUESTIONS, candidates
 from studies.racing import race

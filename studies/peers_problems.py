@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from identify.estimation.initial_guess import starting_point
 from identify.model.cell import Cell, Wire
-from identify.model.description import library, read_robot
+from identify.model.io.description import library, read_robot
 from identify.model.measurement import Rows, measurement_model, rows
 from identify.model.touch import Positions
 from identify.model.zone import zone_poses
-from identify.starting import starting_point
 from studies.common import arc_welder
 from studies.many import draw_many
 

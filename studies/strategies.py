@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from identify.calibration import calibrate
+from identify.estimation.calibrate import calibrate
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, picture
-from oed.criteria import CRITERIA
-from oed.offer import offer, plan_of
-from oed.planning import COUNT, plan
-from oed.strategies import Setting
+from oed.criteria.criteria import CRITERIA
+from oed.planning.candidate_set import offer, plan_of
+from oed.planning.plan import COUNT, plan
+from oed.planning.strategies import Setting
 from studies.common import FEW, arc_welder, zone
 from studies.engine import Table, column, distinct, where
 from studies.many import (

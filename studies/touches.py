@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from identify.report.svg import OUT, Chart, colour, logarithmic, picture
-from oed.planning import COUNT, plan
+from oed.planning.plan import COUNT, plan
 from studies.common import FEW, arc_welder, zone
 from studies.engine import Table, column, distinct, where
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every

@@ -13,9 +13,9 @@ from jaxtyping import Float
 from identify.model.cell import Cell
 from identify.model.frames import inverse, pose, rotation, transform
 from identify.model.jig import Box, Face, Jig
-from oed.exchange import exact_design
-from oed.offer import Offer, offer, plan_of
-from oed.relaxation import approximate_design
+from oed.design.exact import exact_design
+from oed.design.relaxation import approximate_design
+from oed.planning.candidate_set import Offer, offer, plan_of
 from studies.common import arc_welder
 from studies.jig_shown import TOUCHES
 from studies.many import ManyTouches, Problem, draw_faces, draw_many, errors_in_zone, touch_every

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from identify.model.cell import DEG, Cell
-from identify.model.description import library, read_cell, read_jig, read_robot
+from identify.model.io.description import library, read_cell, read_jig, read_robot
 
 PLACES = {  # base x, y, z, rz, and tool x, z, ry
     "arc-welder": ((340, 740, 350, -90), (0, 410, -18)),

@@ -17,10 +17,10 @@ from measured import poses_over_jig, table_2, touches_at
 from readme import Demo
 from touching import Ticks
 
-from identify.calibration import calibrate
-from identify.model.calibration import Calibration
+from identify.estimation.calibrate import calibrate
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell, read_jig
+from identify.model.io.calibration_file import Calibration
+from identify.model.io.description import library, read_cell, read_jig
 from identify.model.jig import Jig
 from oed.cli import main
 from probe.controllers.linuxcnc import LinuxCNC

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from identify.uncertainty.information import touch_sigma
 from oed import exact_design
-from oed.aim import Aim
-from oed.criteria import score
-from oed.information import touch_sigma
-from oed.offer import offer
-from oed.refinement import Refinement, refine
+from oed.criteria.aim import Aim
+from oed.criteria.criteria import score
+from oed.planning.candidate_set import offer
+from oed.refinement.coordinate import Refinement, refine
 
 TOUCHES = 50
 

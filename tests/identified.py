@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from identify.model.calibration import Calibration, Errors
 from identify.model.cell import Cell
 from identify.model.frames import pose
+from identify.model.io.calibration_file import Calibration, Errors
 
 
 def identified(cell: Cell, theta: np.ndarray, **changes) -> Calibration:

@@ -6,7 +6,7 @@ import numpy as np
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell
+from identify.model.io.description import library, read_cell
 from identify.model.touch import Plan
 
 COUNT = 20

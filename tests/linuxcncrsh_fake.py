@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from touching import Ticks
 
-from probe.controller import LinkLost
+from probe.line.controller import LinkLost
 
 AXES = "XYZABC"
 NEVER_RAN = "never ran"

@@ -10,9 +10,9 @@ from oracle import forward
 from scipy.spatial.transform import Rotation
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell
 from identify.model.frames import inverse, transform
-from identify.model.inverse import reach
+from identify.model.ik import reach
+from identify.model.io.description import library, read_cell
 
 CELL: Cell = read_cell(library("cells")["arc-welder"])
 TRUTH = table_2(CELL)

@@ -18,12 +18,17 @@ def within(module, *packages):
 
 
 def is_command_line(module):
-    return module == "oed.campaign" or within(module, "oed.cli")
+    return module == "oed.campaigns.campaign" or within(module, "oed.cli")
 
 
 def may_use_casadi(module):
     # least_squares is the NLP of calibration, in a file of its own
-    prefixes = ("identify.calibration", "identify.least_squares", "identify.compensation", "oed.refinement")
+    prefixes = (
+        "identify.estimation.calibrate",
+        "identify.estimation.least_squares",
+        "identify.compensation.compensate",
+        "oed.refinement.coordinate",
+    )
     return within(module, "identify.model") or module.startswith(prefixes)
 
 
@@ -32,7 +37,7 @@ def complaint(module, target):
     if target == "casadi" or target.startswith("casadi."):
         return "" if may_use_casadi(module) else "CasADi stays in the model, calibration, compensation and refinement"
     if target == "serial" or target.startswith("serial."):
-        return "" if module == "probe.transport" else "the serial port is opened in probe.transport alone"
+        return "" if module == "probe.line.transport" else "the serial port is opened in probe.line.transport alone"
     if within(module, "probe") and within(target, "probe") and "probe.virtual" in (module[:13], target[:13]):
         apart = within(module, "probe.virtual") != within(target, "probe.virtual")
         return "the virtual cell and the driver share nothing: an error in both would cancel itself" if apart else ""
@@ -43,7 +48,9 @@ def complaint(module, target):
     if room == "oed":
         known = ("identify", "probe", *(["studies"] if module == "oed.cli.study" else []))
         free = within(target, "identify.model") or (is_command_line(module) and within(target, *known))
-        return "" if free else "only oed.campaign and oed.cli know identify and probe, oed.cli.study the studies"
+        return (
+            "" if free else "only oed.campaigns.campaign and oed.cli know identify and probe, oed.cli.study the studies"
+        )
     if room == "probe":
         return "" if within(target, "identify.model") else "probe knows nothing of ours but identify.model"
     return "identify imports neither oed nor probe nor studies"
@@ -99,43 +106,49 @@ def test_the_rooms_are_there_to_be_walked():
 
 
 PLANTED = {
-    "the model knows what uses it": ("identify/model/robot.py", "from identify.calibration import calibrate"),
+    "the model knows what uses it": ("identify/model/robot.py", "from identify.estimation.calibrate import calibrate"),
     "the model knows its package": ("identify/model/robot.py", "import identify"),
-    "the model knows a planner": ("identify/model/robot.py", "import oed.criteria"),
-    "identification knows planning": ("identify/calibration.py", "import oed"),
-    "identification knows touching": ("identify/calibration.py", "from probe import session"),
+    "the model knows a planner": ("identify/model/robot.py", "import oed.criteria.criteria"),
+    "identification knows planning": ("identify/estimation/calibrate.py", "import oed"),
+    "identification knows touching": ("identify/estimation/calibrate.py", "from probe import session"),
     "identification knows studies": ("identify/report/page.py", "from studies import value"),
-    "touching knows identification": ("probe/session.py", "from identify.calibration import calibrate"),
-    "touching knows the package around the model": ("probe/session.py", "from identify import calibrate"),
-    "touching knows planning": ("probe/session.py", "import oed.criteria as c"),
-    "the virtual cell reads lines as the driver does": ("probe/virtual/line.py", "from probe.framing import unseal"),
-    "the driver knows the virtual cell": ("probe/link.py", "from probe.virtual.line import crc"),
-    "planning knows identification": ("oed/planning.py", "from identify import calibration"),
-    "planning knows touching": ("oed/planning.py", "import numpy, probe"),
-    "planning knows studies": ("oed/planning.py", "import studies"),
-    "in a function": ("oed/planning.py", "def f():\n    from probe import session"),
-    "under a condition": ("oed/planning.py", "if True:\n    import probe.session"),
+    "touching knows identification": ("probe/runs/session.py", "from identify.estimation.calibrate import calibrate"),
+    "touching knows the package around the model": ("probe/runs/session.py", "from identify import calibrate"),
+    "touching knows planning": ("probe/runs/session.py", "import oed.criteria.criteria as c"),
+    "the virtual cell reads lines as the driver does": (
+        "probe/virtual/line.py",
+        "from probe.line.framing import unseal",
+    ),
+    "the driver knows the virtual cell": ("probe/line/link.py", "from probe.virtual.line import crc"),
+    "planning knows identification": ("oed/planning/plan.py", "from identify import calibration"),
+    "planning knows touching": ("oed/planning/plan.py", "import numpy, probe"),
+    "planning knows studies": ("oed/planning/plan.py", "import studies"),
+    "in a function": ("oed/planning/plan.py", "def f():\n    from probe import session"),
+    "under a condition": ("oed/planning/plan.py", "if True:\n    import probe.runs.session"),
     "relative": ("identify/model/robot.py", "from ..calibration import calibrate"),
     "relative, from a package": ("identify/model/__init__.py", "from .. import calibration"),
-    "by name": ("probe/session.py", "import importlib\nimportlib.import_module('oed.criteria')"),
-    "symbols in planning": ("oed/planning.py", "import casadi as ca"),
-    "symbols in touching": ("probe/session.py", "from casadi import SX"),
+    "by name": ("probe/runs/session.py", "import importlib\nimportlib.import_module('oed.criteria.criteria')"),
+    "symbols in planning": ("oed/planning/plan.py", "import casadi as ca"),
+    "symbols in touching": ("probe/runs/session.py", "from casadi import SX"),
     "symbols in identification at large": ("identify/uncertainty.py", "def f():\n    import casadi"),
-    "a second serial port": ("probe/session.py", "import serial.tools.list_ports"),
+    "a second serial port": ("probe/runs/session.py", "import serial.tools.list_ports"),
     "a serial port in the command line": ("oed/cli.py", "from serial import Serial"),
 }
 INNOCENT = {
-    "the one door": ("probe/session.py", "from identify.model.robot import Robot\nfrom identify import model"),
+    "the one door": ("probe/runs/session.py", "from identify.model.robot import Robot\nfrom identify import model"),
     "the model by itself": ("identify/model/jig.py", "from identify.model.robot import Robot\nfrom . import robot"),
-    "planning sees the model": ("oed/planning.py", "import identify.model.robot\nfrom oed import criteria"),
-    "the loop is closed": ("oed/campaign.py", "from probe import session\nfrom identify import calibration"),
+    "planning sees the model": ("oed/planning/plan.py", "import identify.model.robot\nfrom oed import criteria"),
+    "the loop is closed": ("oed/campaigns/campaign.py", "from probe import session\nfrom identify import calibration"),
     "the command of studies": ("oed/cli/study.py", "from studies import engine"),
-    "the command line": ("oed/cli/plan.py", "def f():\n    from identify import calibrate\n    import probe.session"),
-    "studies import anything": ("studies/value.py", "import oed.planning, probe.session, identify"),
-    "symbols where they belong": ("oed/refinement.py", "import casadi"),
-    "symbols in the model": ("identify/model/mapped.py", "import casadi"),
-    "the serial port": ("probe/transport.py", "import serial"),
-    "names that only begin alike": ("probe/session.py", "import serialize, oedema\nfrom probed import x"),
+    "the command line": (
+        "oed/cli/plan.py",
+        "def f():\n    from identify import calibrate\n    import probe.runs.session",
+    ),
+    "studies import anything": ("studies/value.py", "import oed.planning.plan, probe.runs.session, identify"),
+    "symbols where they belong": ("oed/refinement/coordinate.py", "import casadi"),
+    "symbols in the model": ("identify/model/compiled/batch.py", "import casadi"),
+    "the serial port": ("probe/line/transport.py", "import serial"),
+    "names that only begin alike": ("probe/runs/session.py", "import serialize, oedema\nfrom probed import x"),
 }
 
 

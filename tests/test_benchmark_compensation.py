@@ -8,7 +8,7 @@ import pytest
 from identified import identified, poses_at
 from measured import poses_over_jig, table_2
 
-from identify.compensation import allowed_change, compensate
+from identify.compensation.compensate import allowed_change, compensate
 
 TARGETS = 20_000
 

@@ -11,14 +11,14 @@ import scipy.optimize
 from cells import cell_of
 from measured import poses_over_jig, table_2, touches_at
 
-from identify.calibration import calibrate
-from identify.least_squares import LeastSquares, Objective
+from identify.estimation.calibrate import calibrate
+from identify.estimation.least_squares import LeastSquares, Objective
+from identify.estimation.problem import Problem
+from identify.estimation.selection import with_errors
 from identify.model.cell import Wire
 from identify.model.errors import ERROR_MODELS
 from identify.model.identifiability import structure
 from identify.model.measurement import MeasurementModel, rows
-from identify.problem import Problem
-from identify.selection import with_errors
 
 
 @pytest.fixture(scope="module")

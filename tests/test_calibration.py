@@ -6,13 +6,13 @@ import scipy.optimize
 import scipy.stats
 from measured import poses_over_jig, positions_at, table_2, touches_at, with_offsets
 
-from identify.calibration import CalibrationFailed, calibrate
-from identify.least_squares import LOSSES, LeastSquares, Objective
-from identify.model.calibration import calibration_entry, read_calibration, write_calibration
-from identify.model.files import InputError
+from identify.estimation.calibrate import CalibrationFailed, calibrate
+from identify.estimation.least_squares import LOSSES, LeastSquares, Objective
+from identify.estimation.problem import Problem
 from identify.model.identifiability import structure
+from identify.model.io.calibration_file import calibration_entry, read_calibration, write_calibration
+from identify.model.io.files import InputError
 from identify.model.measurement import measurement_model, rows
-from identify.problem import Problem
 
 SIGMA = 0.05  # [mm]
 
@@ -285,7 +285,7 @@ def test_a_direction_that_the_touches_see_less_well_than_the_prior_is_called_wea
 
 
 def test_a_solver_that_does_not_converge_gives_no_numbers(arc_welder, poses, rng, monkeypatch):
-    monkeypatch.setattr("identify.least_squares_program.ITERATIONS", 1)
+    monkeypatch.setattr("identify.estimation.ipopt.ITERATIONS", 1)
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng)
 
     with pytest.raises(CalibrationFailed, match="Maximum_Iterations_Exceeded"):

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from measured import poses_over_jig, touches_at
 
-from identify.calibration import calibrate
-from identify.model.calibration import read_calibration, write_calibration
-from identify.model.files import InputError
+from identify.estimation.calibrate import calibrate
+from identify.model.io.calibration_file import read_calibration, write_calibration
+from identify.model.io.files import InputError
 
 
 @pytest.fixture(scope="module")

@@ -7,19 +7,19 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from identify.model.calibration import summarize
+from identify.estimation.face_association import believe, believed
 from identify.model.cell import Priors
-from identify.model.files import InputError
+from identify.model.io.calibration_file import summarize
+from identify.model.io.files import InputError
 from identify.model.touch import Plan, joined
 from identify.model.zone import zone_poses
-from oed.assurance import assured
-from oed.campaign import Job, campaign
-from oed.cli.project import Folder, over_port, touches_of
-from oed.posterior import believe, believed
-from oed.wary import begun, plan_warily
+from identify.uncertainty.assurance import assured
+from oed.campaigns.campaign import Job, campaign
+from oed.campaigns.folder import Folder, over_port, touches_of
+from oed.planning.uncertain import begun, plan_warily
 from probe import Settings
-from probe.clock import Clock
-from probe.controller import TouchError
+from probe.line.clock import Clock
+from probe.line.controller import TouchError
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, draw_truth
 
@@ -79,7 +79,7 @@ def test_a_robot_known_to_its_tolerances_is_searched_farther_than_one_identified
 def test_a_jig_that_is_nowhere_is_said(known, first, monkeypatch):
     away = known.theta.copy()
     away[1] -= 2000.0
-    monkeypatch.setattr("oed.campaign.plan_warily", lambda *planned: first)
+    monkeypatch.setattr("oed.campaigns.campaign.plan_warily", lambda *planned: first)
 
     with pytest.raises(TouchError, match="none of 8 touches met the jig"):
         campaign(
@@ -234,7 +234,7 @@ def test_a_campaign_that_stops_names_no_option_that_it_does_not_have(known, firs
     def stop(*_, **__):
         raise TouchError("move it there by hand, then go on with --resume --trust-position")
 
-    monkeypatch.setattr("oed.cli.project.open_controller", stop)
+    monkeypatch.setattr("oed.campaigns.folder.open_controller", stop)
     job = Job(1, known, first, True, 1.0)
 
     with pytest.raises(TouchError, match="go on with the same command and --trust-position"):

@@ -9,16 +9,16 @@ from oracle import error_propagation, forward
 from test_clearance import balls
 
 from identify.model.cell import DEG, Wire
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.jig import Box, Face, Jig
 from identify.model.measurement import MeasurementModel
-from oed.branches import Branches, Poses, distinct
-from oed.candidates import COLUMNS, candidates
-from oed.clearance import MARGIN, NEAR, Clearance
-from oed.inset import EDGE, SHARE, margins, warnings
-from oed.judgement import BRINK, Judge, Verdict
-from oed.obstacles import obstacles, owners
-from oed.targets import spread, structured, targets
+from oed.candidates.candidates import COLUMNS, candidates
+from oed.candidates.edge_margins import EDGE, SHARE, margins, warnings
+from oed.candidates.feasibility import BRINK, Judge, Verdict
+from oed.candidates.ik_branches import Branches, Poses, distinct
+from oed.candidates.targets import spread, structured, targets
+from probe.motion.clearance import MARGIN, NEAR, Clearance
+from probe.motion.obstacles import obstacles, owners
 
 MICROMETRE = 1e-3
 FOUND = {}

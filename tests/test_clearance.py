@@ -11,14 +11,14 @@ from hypothesis.extra.numpy import arrays
 from oracle import motions
 
 from identify.model.cell import DEG
-from identify.model.description import library, read_robot
+from identify.model.io.description import library, read_robot
 from identify.model.jig import Box, Face, Jig
 from identify.model.robot import Capsule
-from oed.candidates import candidates
-from oed.clearance import CLEAR, Clearance
-from oed.distances import point_box, segment_box, segment_segment
-from oed.obstacles import obstacles, owners
-from oed.torch import NOZZLE, STICKOUT, torch
+from oed.candidates.candidates import candidates
+from probe.motion.clearance import CLEAR, Clearance
+from probe.motion.distances import point_box, segment_box, segment_segment
+from probe.motion.obstacles import obstacles, owners
+from probe.motion.torch import NOZZLE, STICKOUT, torch
 
 LOWER, UPPER = np.array([-2.0, -1, -3]), np.array([1.0, 3, -1])
 coordinate = st.sampled_from([-3.0, -2.0, 0.0, 1.0, 3.0]) | st.floats(-6, 6)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from measured import poses_over_jig, positions_at, table_2, touches_at
 
-from identify.model.description import library
-from identify.model.tables import positions_text, touches_text
+from identify.model.io.description import library
+from identify.model.io.tables import positions_text, touches_text
 
 SIGMA = 0.05  # [mm]
 

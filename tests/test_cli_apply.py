@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from identified import identified, poses_at
 from measured import table_2
 
-from identify.model.calibration import write_calibration
-from identify.model.entries import POSE_KEYS, POSE_UNIT
-from identify.model.files import InputError, sheet_text
 from identify.model.frames import inverse, pose, transform
+from identify.model.io.calibration_file import write_calibration
+from identify.model.io.entries import POSE_KEYS, POSE_UNIT
+from identify.model.io.files import InputError, sheet_text
 from identify.programs.fixing import fix
 from identify.programs.makers import MAKERS
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from virtual_support import make_plan
 
-from identify.model.description import library, read_cell
-from identify.model.tables import plan_text, read_touches
+from identify.model.io.description import library, read_cell
+from identify.model.io.tables import plan_text, read_touches
 
 COMMAND = [str(Path(sys.executable).parent / "touchcal")]
 
@@ -147,7 +147,7 @@ def test_ctrl_c_stops_the_robot_and_leaves_a_session_to_resume(project, touchcal
 def test_a_calibration_is_reported_with_the_touches_beside_it(project, touchcal, arc_welder):
     from measured import poses_over_jig, table_2, touches_at
 
-    from identify.model.tables import touches_text
+    from identify.model.io.tables import touches_text
 
     rng = np.random.default_rng(3)
     touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 60, rng), rng)

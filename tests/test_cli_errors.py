@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from measured import positions_at
 
-from identify.model.calibration import read_calibration
-from identify.model.description import library
-from identify.model.tables import positions_text
-from identify.selection import with_errors
+from identify.estimation.selection import with_errors
+from identify.model.io.calibration_file import read_calibration
+from identify.model.io.description import library
+from identify.model.io.tables import positions_text
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ from oracle import forward
 from test_clearance import balls
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell
-from oed.clearance import MARGIN, NEAR, Clearance
+from identify.model.io.description import library, read_cell
 from oed.cli import main
+from probe.motion.clearance import MARGIN, NEAR, Clearance
 
 N = 40
 MICROMETRE = 1e-3

@@ -11,11 +11,11 @@ import pytest
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
-from identify.model.description import library
-from identify.model.tables import plan_text, read_touches
+from identify.model.io.description import library
+from identify.model.io.tables import plan_text, read_touches
 from identify.model.touch import Plan
 from probe.controllers import open_controller
-from probe.session import Session, rebuilt
+from probe.runs.session import Session, rebuilt
 from probe.virtual.server import VirtualCell, serve
 from probe.virtual.truth import draw_truth, with_effects
 

@@ -79,7 +79,7 @@ def test_a_broken_mesh_is_one_sentence(project, touchcal):
 
 
 def test_without_the_extra_capsules_are_judged_and_one_sentence_says_so(project, touchcal, monkeypatch):
-    for module in ("oed.bodies", "oed.clearance"):
+    for module in ("probe.motion.bodies", "probe.motion.clearance"):
         monkeypatch.setattr(f"{module}.exact_meshes", lambda: False)
 
     code, out, _ = touchcal("check")

@@ -10,16 +10,16 @@ from measured import poses_over_jig, table_2, touches_at
 from oracle import forward
 
 import identify
-from identify.calibration import calibrate
-from identify.compensation import CHANGE, allowed_change, believed, compensate, jig_T_frame
-from identify.guard import RESIDUAL, smallest
+from identify.compensation.compensate import CHANGE, allowed_change, believed, compensate, jig_T_frame
+from identify.compensation.postures import nominal
+from identify.compensation.trust import RESIDUAL, smallest
+from identify.estimation.calibrate import calibrate
+from identify.estimation.selection import with_errors
 from identify.model.cell import Cell
-from identify.model.description import library, read_robot
-from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
-from identify.model.inverse import reach
-from identify.selection import with_errors
-from identify.starts import nominal
+from identify.model.ik import reach
+from identify.model.io.description import library, read_robot
+from identify.model.io.files import InputError
 from probe.virtual.truth import draw_truth, read_truth, truths
 
 DEG = np.pi / 180

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_robot
-from identify.model.files import InputError
+from identify.model.io.description import library, read_robot
+from identify.model.io.files import InputError
 from probe.controllers import PROTOCOLS, open_controller, recognised
-from probe.transcript import read_transcript
+from probe.line.transcript import read_transcript
 from probe.virtual.server import serve
 from probe.virtual.truth import Truth, draw_truth
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oed.criteria import CRITERIA, criterion_named, score
+from oed.criteria.criteria import CRITERIA, criterion_named, score
 
 SEEDS = st.integers(0, 2**32 - 1)
 GROWING = ("D", "A", "E", "V", "G")  # what one touch more never hurts, all touches together

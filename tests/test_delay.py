@@ -9,10 +9,10 @@ from virtual_support import make_plan
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from oed.cli.run import FASTER
-from probe.delay import estimate_delay, without_delay
-from probe.paths import Geometry
-from probe.records import Reading, Result
-from probe.settings import Settings
+from probe.motion.joint_path import Geometry
+from probe.motion.settings import Settings
+from probe.runs.delay import estimate_delay, without_delay
+from probe.runs.records import Reading, Result
 
 SIGMA = 0.05  # [mm] of one touch
 SERVO = 0.001  # [s]

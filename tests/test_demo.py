@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from readme import activated, run
 
-from identify.model.calibration import read_calibration
-from identify.model.description import library, read_cell
-from identify.model.tables import read_touches
+from identify.estimation.verification import verify
+from identify.model.io.calibration_file import read_calibration
+from identify.model.io.description import library, read_cell
+from identify.model.io.tables import read_touches
 from identify.model.zone import zone_poses
-from identify.verification import verify
 from probe.virtual.truth import read_truth, truths
 
 PATIENCE = 300.0  # [s] on a busy machine

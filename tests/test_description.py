@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from identify.model.description import library, read_cell, read_jig, read_robot
-from identify.model.entries import cell_entry, cell_from_entry
-from identify.model.files import InputError
+from identify.model.io.description import library, read_cell, read_jig, read_robot
+from identify.model.io.entries import cell_entry, cell_from_entry
+from identify.model.io.files import InputError
 
 CELL = """\
 robot: robot.yaml

@@ -9,9 +9,9 @@ from test_irb120 import cell as irb120_cell  # noqa: F401
 from test_irb120 import measured as irb120_measured  # noqa: F401
 from test_irb120 import positions
 
-from identify.calibration import calibrate
+from identify.estimation.calibrate import calibrate
+from identify.estimation.selection import with_errors
 from identify.model.measurement import measurement_model, rows
-from identify.selection import with_errors
 
 SIGMA = 0.05
 TOUCHES = 120

@@ -11,8 +11,8 @@ import pytest
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
-from identify.model.description import library
-from identify.model.tables import plan_text, read_touches
+from identify.model.io.description import library
+from identify.model.io.tables import plan_text, read_touches
 from identify.model.touch import Plan
 
 MAIN = "from oed.cli import main; main()"

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from cells import cell_of
 
-from identify.calibration import calibrate
-from identify.model.description import library, read_cell, read_robot
-from identify.model.entries import cell_entry, cell_from_entry
+from identify.estimation.calibrate import calibrate
 from identify.model.errors import ERROR_MODELS, SIZES
-from identify.model.files import InputError
 from identify.model.identifiability import structure
+from identify.model.io.description import library, read_cell, read_robot
+from identify.model.io.entries import cell_entry, cell_from_entry
+from identify.model.io.files import InputError
 from identify.model.kinematics import Kinematics
 from identify.model.measurement import Rows, measurement_model, tip_rows
 from identify.model.robot import Robot
@@ -213,7 +213,7 @@ def test_weights_turn_the_first_joint_of_a_robot_on_a_wall():
 
 
 def test_a_plan_counts_the_side_from_which_each_joint_comes(arc_welder, rng):
-    from oed.information import nominal_knowledge
+    from identify.uncertainty.information import nominal_knowledge
 
     known = nominal_knowledge(replace(arc_welder, robot=replace(arc_welder.robot, errors=("backlash",))))
     q = postures(known.cell.robot, rng, 40)
@@ -231,7 +231,7 @@ def test_a_plan_counts_the_side_from_which_each_joint_comes(arc_welder, rng):
 def test_planning_after_a_calibration_takes_over_the_errors_that_it_found(arc_welder):
     from identified import identified
 
-    from oed.offer import _placed
+    from oed.planning.candidate_set import _placed
 
     bending = replace(arc_welder, robot=replace(arc_welder.robot, errors=("compliance",)))
 
@@ -253,7 +253,7 @@ def test_the_tip_is_where_touches_of_unknown_conditions_say(errors, rng):
 def test_a_calibration_with_many_joint_errors_is_read_as_it_was_written(tmp_path, rng):
     from measured import positions_at
 
-    from identify.model.calibration import read_calibration, write_calibration
+    from identify.model.io.calibration_file import read_calibration, write_calibration
 
     cell = replace(cell_of("irb120"), robot=robot_with(tuple(ERROR_MODELS)))
     q = postures(cell.robot, rng, 60)

@@ -11,18 +11,18 @@ from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from identify.model.cell import Cell, Zone
-from identify.model.description import library, read_jig
+from identify.model.io.description import library, read_jig
 from identify.model.robot import Capsule
 from identify.model.shape import Shape
-from identify.model.urdf import read_urdf
-from oed.bodies import around
-from oed.candidates import candidates
-from oed.clearance import CLEAR, MARGIN, Clearance
-from oed.obstacles import Obstacle
-from oed.ways import FINE, Ways
+from identify.model.urdf.chain import read_urdf
+from oed.candidates.candidates import candidates
+from probe.motion.bodies import around
+from probe.motion.clearance import CLEAR, MARGIN, Clearance
+from probe.motion.edges import FINE, Ways
+from probe.motion.obstacles import Obstacle
 
 pytest.importorskip("coal")
-from oed.exact import Exact
+from probe.motion.mesh_distance import Exact
 
 BASE = np.array([200.0, 702.0, 212.0, -np.pi / 2, 0.0, 0.0])
 TOOL = np.array([0.0, 0.0, 300.0, 0.0, np.radians(-18), 0.0])
@@ -110,8 +110,8 @@ def test_capsules_around_meshes_refuse_more_and_never_less(cell, rng, monkeypatc
     q = rng.uniform(cell.robot.lower, cell.robot.upper, (400, 6))
     exact = Clearance(cell, cell.theta)
     solids = exact.hits(q)
-    monkeypatch.setattr("oed.clearance.exact_meshes", lambda: False)
-    monkeypatch.setattr("oed.bodies.exact_meshes", lambda: False)
+    monkeypatch.setattr("probe.motion.clearance.exact_meshes", lambda: False)
+    monkeypatch.setattr("probe.motion.bodies.exact_meshes", lambda: False)
 
     capsules = Clearance(cell, cell.theta)
 

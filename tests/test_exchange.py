@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oed import approximate_design, exact_design
-from oed.criteria import CRITERIA, score
-from oed.exchange import exchanged, swaps_of
-from oed.relaxation import phi
-from oed.robust import RobustSwaps
-from oed.rules import Rules
+from oed.criteria.criteria import CRITERIA, score
+from oed.design.constraints import Rules
+from oed.design.exact import exchanged, swaps_of
+from oed.design.relaxation import phi
+from oed.design.robust import RobustSwaps
 
 SEEDS = st.integers(0, 2**32 - 1)
 

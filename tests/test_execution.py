@@ -9,21 +9,21 @@ import pytest
 from touching import SERVO, Direct, Ticks, World, clear_plan, disturbed, pointed
 
 from identify.model.cell import Cell
-from identify.model.files import InputError
-from identify.model.tables import read_touches
+from identify.model.io.files import InputError
+from identify.model.io.tables import read_touches
 from identify.model.touch import Plan, Touches
-from probe import events
-from probe.acceptance import objection
-from probe.controller import Contact, LinkLost, NoContact, Rebooted, Refused, State, TouchError
-from probe.delay import estimate_delay, without_delay
-from probe.execution import retreat, run
-from probe.paths import Geometry
-from probe.prediction import Predictor
-from probe.preflight import validate
-from probe.records import Intent
-from probe.rehearsal import rehearse
-from probe.session import Session, journal_path
-from probe.settings import Settings
+from probe.line.controller import Contact, LinkLost, NoContact, Rebooted, Refused, State, TouchError
+from probe.motion.joint_path import Geometry
+from probe.motion.settings import Settings
+from probe.runs import events
+from probe.runs.acceptance import objection
+from probe.runs.delay import estimate_delay, without_delay
+from probe.runs.execution import retreat, run
+from probe.runs.prediction import Predictor
+from probe.runs.preflight import validate
+from probe.runs.records import Intent
+from probe.runs.rehearsal import rehearse
+from probe.runs.session import Session, journal_path
 
 pytestmark = pytest.mark.usefixtures("unsynced")
 USUAL = Settings(search_speed=10.0)

@@ -19,10 +19,10 @@ from scipy.spatial.transform import Rotation
 from identify.export.exporting import FORMATS, ends_of, export
 from identify.export.formats import Original
 from identify.model.cell import Cell
-from identify.model.description import library, read_robot
-from identify.model.files import InputError
 from identify.model.frames import transform
-from identify.model.urdf import read_urdf
+from identify.model.io.description import library, read_robot
+from identify.model.io.files import InputError
+from identify.model.urdf.chain import read_urdf
 
 MICRO = 1e-6  # [mm]
 ROBOTS = ("arc-welder", "irb120", "puma560", "arm7", "scara")

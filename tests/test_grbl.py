@@ -9,12 +9,12 @@ import pytest
 from touching import Ticks, clear_plan, pointed
 
 from identify.model.cell import Cell
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.touch import Plan
-from probe.controller import Contact, Controller, NoContact, Rebooted, Refused
 from probe.controllers import open_controller
 from probe.controllers.grbl import Grbl
 from probe.controllers.grbl_words import motion, read_probe, read_report, refusal
+from probe.line.controller import Contact, Controller, NoContact, Rebooted, Refused
 from probe.virtual.server import VirtualCell, serve
 from probe.virtual.truth import Truth, draw_truth, with_effects
 

@@ -11,18 +11,18 @@ from identified import identified
 from measured import TABLE_2, poses_over_jig, table_2, touches_at, with_offsets
 from scipy.stats import binom
 
-from identify.causes import causes, looked_for
-from identify.health import ALARM, judge, noticed
-from identify.model.calibration import write_calibration
-from identify.model.description import library
-from identify.model.files import InputError
+from identify.health.causes import causes, looked_for
+from identify.health.judge import ALARM, judge, noticed
 from identify.model.frames import rotation
+from identify.model.io.calibration_file import write_calibration
+from identify.model.io.description import library
+from identify.model.io.files import InputError
+from identify.model.io.tables import touches_text
 from identify.model.measurement import measurement_model, rows
-from identify.model.tables import touches_text
 from identify.model.touch import HIT, Touches
-from oed.candidates import candidates
-from oed.change import plan_check
-from oed.offer import plan_of
+from oed.candidates.candidates import candidates
+from oed.planning.candidate_set import plan_of
+from oed.planning.health_check import plan_check
 
 DEG = np.pi / 180
 SIGMA = 0.05  # [mm]

@@ -5,8 +5,8 @@ from measured import poses_over_jig
 from oracle import error_propagation
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_robot
 from identify.model.identifiability import independent, rank_of, sight, structure, weak
+from identify.model.io.description import library, read_robot
 
 OFF_AXIS = np.array([20.0, 30.0, 100.0, 0.0, 0.3, 0.0])  # a tip beside the last axis, as a generic tool has
 

@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 
 from identify.model.cell import Priors, Wire
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.measurement import measurement_model
 from identify.model.measurement import rows as measured_rows
 from identify.model.touch import Touches
-from oed.information import built_knowledge, drawn, face_tolerance, knowledge_after, nominal_knowledge, touch_sigma
-from oed.relaxation import approximate_design
+from identify.uncertainty.information import (
+    built_knowledge,
+    drawn,
+    face_tolerance,
+    knowledge_after,
+    nominal_knowledge,
+    touch_sigma,
+)
+from oed.design.relaxation import approximate_design
 
 ROBOTS = 4000
 

@@ -5,9 +5,9 @@ import pytest
 from oracle import forward
 
 from identify.model.cell import DEG
-from identify.model.description import library, read_robot
 from identify.model.frames import rotation
-from identify.model.inverse import LEVER, reach, within, wrapped
+from identify.model.ik import LEVER, reach, within, wrapped
+from identify.model.io.description import library, read_robot
 from identify.model.kinematics import Kinematics
 
 KINEMATICS = {name: Kinematics(read_robot(path)) for name, path in library("robots").items()}

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from identify.calibration import calibrate
+from identify.estimation.calibrate import calibrate
+from identify.estimation.folds import regions
 from identify.model.cell import Cell, Wire
-from identify.model.description import library, read_robot
+from identify.model.io.description import library, read_robot
 from identify.model.touch import HIT, Positions, Touches
-from identify.regions import regions
 
 DRAWS = 8
 SIGMA = 0.1  # [mm], repeatability of the robot by its data sheet, rounded up

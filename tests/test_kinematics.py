@@ -8,9 +8,9 @@ from hypothesis.extra.numpy import arrays
 from oracle import error_propagation, forward
 from scipy.spatial.transform import Rotation
 
-from identify.model import mapped
-from identify.model.description import library, read_robot
+from identify.model.compiled import batch as mapped
 from identify.model.frames import transform
+from identify.model.io.description import library, read_robot
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Joint, Robot
 

@@ -9,9 +9,9 @@ from identified import identified
 from measured import table_2
 from scipy.optimize import least_squares
 
-from identify.ladder import FRAMES, MODEL, TOOL, WAYS, ZEROS, ladder
+from identify.compensation.ladder import FRAMES, MODEL, TOOL, WAYS, ZEROS, ladder
 from identify.model.zone import zone_poses
-from identify.report.ways import ways
+from identify.report.ladder import ways
 
 
 @pytest.fixture(scope="module")

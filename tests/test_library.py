@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from oracle import forward
 
-from identify.model.description import library, read_cell, read_jig, read_robot
+from identify.model.io.description import library, read_cell, read_jig, read_robot
 
 ROBOTS = {name: read_robot(path) for name, path in library("robots").items()}
 JIGS = {name: read_jig(path) for name, path in library("jigs").items()}

@@ -11,9 +11,9 @@ from touching_line import SPOILS, LineServer, crc, spoiler
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
-from probe.controller import CODES, Contact, LinkLost, NoContact, Rebooted, Refused
 from probe.controllers.line import Line
-from probe.transcript import read_transcript
+from probe.line.controller import CODES, Contact, LinkLost, NoContact, Rebooted, Refused
+from probe.line.transcript import read_transcript
 
 TRANSCRIPT = r"""
 0.00 > 0 HELLO 00c0de*E9FB\n

@@ -18,11 +18,11 @@ from linuxcnc_running import BRIDGE, CONFIGURATION, RSH, LinuxCNCRunning, needed
 
 import probe
 from identify.model.cell import Cell
-from identify.model.tables import plan_text, read_touches
+from identify.model.io.tables import plan_text, read_touches
 from identify.model.touch import Plan
-from probe.clock import Clock
 from probe.controllers.linuxcncrsh import Shell
-from probe.transport import SerialTransport
+from probe.line.clock import Clock
+from probe.line.transport import SerialTransport
 
 pytestmark = pytest.mark.xdist_group("linuxcnc")  # one LinuxCNC for all of them
 PORTS = {"linuxcnc": RSH, "line": BRIDGE}

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from linuxcncrsh_fake import NEVER_RAN, fed
 
-from probe.controller import Contact, NoContact, Refused
 from probe.controllers.linuxcnc_mdi import AXES, motion_words
 from probe.controllers.linuxcncrsh import Shell
+from probe.line.controller import Contact, NoContact, Refused
 
 RATE = np.radians(10.0)
 TARGET = np.radians([10.0, -5.0, 3.0, 20.0, 0.0, -2.0])

@@ -9,13 +9,13 @@ from linuxcnc_cell import HOME, cell_of_the_test, short_plan, true_robot
 from linuxcnc_running import BRIDGE, RSH, LinuxCNCRunning, needed
 
 import probe
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.touch import Plan
-from probe.clock import Clock
-from probe.controller import Contact, LinkLost, NoContact, Rebooted, Refused
 from probe.controllers.linuxcnc import LinuxCNC
 from probe.controllers.linuxcncrsh import Shell
-from probe.transport import SerialTransport
+from probe.line.clock import Clock
+from probe.line.controller import Contact, LinkLost, NoContact, Rebooted, Refused
+from probe.line.transport import SerialTransport
 
 pytestmark = pytest.mark.xdist_group("linuxcnc provoked")  # one LinuxCNC for all of them
 RATE = np.radians(20.0)  # [rad/s]

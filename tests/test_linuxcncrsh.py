@@ -5,8 +5,8 @@ import pytest
 from linuxcncrsh_fake import NEVER_RAN, FakeLinuxCNC
 
 from identify.model.cell import Cell
-from probe.controller import Contact, LinkLost, Rebooted, Refused, TouchError
 from probe.controllers.linuxcnc import LinuxCNC
+from probe.line.controller import Contact, LinkLost, Rebooted, Refused, TouchError
 
 RATE = np.radians(10.0)
 TARGET = np.radians([10.0, -5.0, 3.0, 20.0, 0.0, -2.0])

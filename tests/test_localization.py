@@ -13,11 +13,11 @@ from scipy.stats import chi2
 from workpieces import latched, postures, touches_of
 
 import identify
-from identify.localization import locate, move_of
-from identify.model.files import InputError
 from identify.model.frames import inverse, pose, rotation, transform
+from identify.model.io.files import InputError
 from identify.model.jig import Jig
-from identify.placement import Placement, grid, rotation_of
+from identify.workpiece.localization import locate, move_of
+from identify.workpiece.placement import Placement, grid, rotation_of
 
 SIGMA = 0.05  # [mm]
 TRIALS, ROBOTS = 500, 5  # each hidden pose is touched by five robots
@@ -213,7 +213,7 @@ def test_the_rotations_to_start_from_leave_none_far_away():
 
 
 def test_residuals_change_with_moves_as_their_jacobian_says(found, box, rng):
-    from identify.localization import _contacts
+    from identify.workpiece.localization import _contacts
 
     truth = hidden(found, rng)
     q = touched(found, box, truth, THREE_TWO_ONE, SPREAD, rng)

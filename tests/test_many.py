@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from virtual_support import make_plan
 
-from identify.calibration import calibrate
+from identify.estimation.calibrate import calibrate
 from identify.model.touch import HIT, Touches
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from identify.model.files import InputError
 from identify.model.frames import euler, rotation, transform
-from identify.model.tables import POINT, joint_columns
+from identify.model.io.files import InputError
+from identify.model.io.tables import POINT, joint_columns
 from identify.pendant import EULER, Pendant, compare, read_pendant
 
 

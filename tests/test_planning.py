@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 import identify
-from identify.model.files import InputError
-from identify.model.tables import plan_text
+from identify.model.io.files import InputError
+from identify.model.io.tables import plan_text
 from identify.model.zone import zone_poses
-from oed.aim import mean_square
-from oed.choice import Best, linked, robust
-from oed.criteria import CRITERIA
-from oed.information import built_knowledge, drawn
-from oed.offer import offer
-from oed.planning import plan, summary
-from oed.relaxation import phi
-from oed.strategies import STRATEGIES
+from identify.uncertainty.information import built_knowledge, drawn
+from oed.criteria.aim import mean_square
+from oed.criteria.criteria import CRITERIA
+from oed.design.relaxation import phi
+from oed.planning.candidate_set import offer
+from oed.planning.plan import plan, summary
+from oed.planning.strategies import STRATEGIES
+from oed.planning.visitable import Best, linked, robust
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import draw_truth
 

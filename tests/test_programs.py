@@ -10,7 +10,7 @@ from identified import identified
 from programs import CELL, TRUTH
 from scipy.spatial.transform import Rotation
 
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.robot import Robot
 from identify.programs.fixing import fix
 from identify.programs.makers import MAKERS, maker_of

@@ -23,11 +23,11 @@ from programs import (
     wpr,
 )
 
-from identify.model.files import InputError
+from identify.compensation.postures import nominal
 from identify.model.frames import inverse, transform
+from identify.model.io.files import InputError
 from identify.programs.fixing import fix
 from identify.programs.setup import Setup
-from identify.starts import nominal
 
 Q = np.array([0.1, 0.2, -0.3, 0.4, 0.9, 0.3])
 VALUE = re.compile(r"([XYZWPR]|J\d)\s*=\s*(-?\d*\.\d+)")

@@ -22,8 +22,8 @@ from programs import (
     wpr,
 )
 
-from identify.model.files import InputError
 from identify.model.frames import inverse, transform
+from identify.model.io.files import InputError
 from identify.programs.fixing import fix
 from identify.programs.setup import Setup
 

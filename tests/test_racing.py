@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identify.calibration import calibrate
+from identify.estimation.calibrate import calibrate
 from identify.model.measurement import measurement_model, rows
 from studies.peers_problems import touches, tracker
 from studies.racers import with_scipy

@@ -8,11 +8,11 @@ import pytest
 from readme import README, block, blocks, run
 from ruamel.yaml import YAML
 
-from identify.model.description import read_cell
-from identify.model.schema import ControllerEntry
-from oed.criteria import CRITERIA
-from probe.controller import CODES
+from identify.model.io.description import read_cell
+from identify.model.io.schema import ControllerEntry
+from oed.criteria.criteria import CRITERIA
 from probe.controllers import PROTOCOLS
+from probe.line.controller import CODES
 
 pytestmark = pytest.mark.xdist_group("demo")  # one demo for all of them, and for the tests of the demo
 USE = "Use the result"

@@ -4,14 +4,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from oed.aim import Aim, mean_square
-from oed.certificate import certify, level
-from oed.choice import Best
-from oed.information import touch_sigma
-from oed.judgement import Verdict
-from oed.offer import offer
-from oed.refinement import APART, Refinement, refine
-from oed.refinement_joint import Joint
+from identify.uncertainty.information import touch_sigma
+from oed.candidates.feasibility import Verdict
+from oed.criteria.aim import Aim, mean_square
+from oed.planning.candidate_set import offer
+from oed.planning.visitable import Best
+from oed.refinement.certificate import certify, level
+from oed.refinement.coordinate import APART, Refinement, refine
+from oed.refinement.simultaneous import Joint
 
 N = 30
 

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
-from oed.admissible import admissible
-from oed.concave import Determinant, Power, Smallest, Trace, Worst
-from oed.criteria import CRITERIA, score
-from oed.relaxation import approximate_design, phi
+from oed.criteria.concave import Determinant, Power, Smallest, Trace, Worst
+from oed.criteria.criteria import CRITERIA, score
+from oed.design.relaxation import approximate_design, phi
+from oed.design.weight_limits import admissible
 
 SEEDS = st.integers(0, 2**32 - 1)
 CERTIFIED = [name for name, criterion in CRITERIA.items() if criterion.bound]

@@ -11,15 +11,15 @@ import pytest
 from measured import poses_over_jig, positions_at, table_2, touches_at
 from virtual_support import make_plan
 
-from identify.calibration import calibrate
-from identify.model.calibration import Finding, Term
+from identify.estimation.calibrate import calibrate
+from identify.estimation.verification import verify
 from identify.model.cell import Cell
+from identify.model.io.calibration_file import Finding, Term
 from identify.model.jig import Jig
 from identify.report.plan import plan_page
 from identify.report.report import report
 from identify.report.svg import axis, colour
-from identify.report.zone import zone_map
-from identify.verification import verify
+from identify.uncertainty.zone_map import zone_map
 
 HOSTILE = "<script>document.title='owned'</script><!--"
 

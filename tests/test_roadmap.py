@@ -5,14 +5,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from oed.candidates import candidates
-from oed.clearance import Clearance
-from oed.judgement import WIRE
-from oed.offer import plan_of
-from oed.roadmap import Roadmap, lifts, shortest_ways, with_via
-from oed.sequence import RAMP, travel
-from oed.torch import STICKOUT
-from oed.ways import SHARE, Ways
+from oed.candidates.candidates import candidates
+from oed.candidates.feasibility import WIRE
+from oed.planning.candidate_set import plan_of
+from probe.motion.clearance import Clearance
+from probe.motion.edges import SHARE, Ways
+from probe.motion.roadmap import Roadmap, lifts, shortest_ways, with_via
+from probe.motion.torch import STICKOUT
+from probe.motion.tour import RAMP, travel
 
 
 @pytest.fixture(scope="module")

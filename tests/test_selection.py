@@ -7,13 +7,13 @@ import pytest
 from cells import cell_of
 from measured import touches_at
 
-from identify.calibration import calibrate
+from identify.estimation.calibrate import calibrate
+from identify.estimation.problem import Problem
+from identify.estimation.selection import select, with_errors
 from identify.model.cell import Wire
 from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.identifiability import structure
 from identify.model.measurement import measurement_model, rows
-from identify.problem import Problem
-from identify.selection import select, with_errors
 
 TOUCHES, SIGMA = 300, 0.05
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identify.model.touch import Plan
-from oed.roadmap import with_via
-from oed.sequence import minutes, order, seconds, shortest, travel
-from probe.paths import Geometry
-from probe.settings import Settings
+from probe.motion.joint_path import Geometry
+from probe.motion.roadmap import with_via
+from probe.motion.settings import Settings
+from probe.motion.tour import minutes, order, seconds, shortest, travel
 from probe.virtual.motion import straight
 
 

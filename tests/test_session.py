@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from touching import Ticks
 
 from identify.model.cell import Cell
-from identify.model.files import InputError
-from identify.model.tables import joint_columns, read_touches, touch_columns
+from identify.model.io.files import InputError
+from identify.model.io.tables import joint_columns, read_touches, touch_columns
 from identify.model.touch import Plan
-from probe.controller import Contact
-from probe.journal import Journal, line_of, read_records, record_of
-from probe.records import Intent, Reading, Result
-from probe.session import Session, journal_path, rebuilt
+from probe.line.controller import Contact
+from probe.runs.journal import Journal, line_of, read_records, record_of
+from probe.runs.records import Intent, Reading, Result
+from probe.runs.session import Session, journal_path, rebuilt
 
 pytestmark = pytest.mark.usefixtures("unsynced")
 BACKUP = "touches.csv.bak"
@@ -290,7 +290,7 @@ def test_a_second_program_on_the_same_session_is_refused_until_the_first_is_dead
     tmp_path: Path, arc_welder: Cell, plan: Plan
 ) -> None:
     path = tmp_path / "touches.csv"
-    held = f"from probe.lock import Lock; from pathlib import Path; Lock(Path({str(path.with_suffix('.lock'))!r}))"
+    held = f"from probe.runs.lock import Lock; from pathlib import Path; Lock(Path({str(path.with_suffix('.lock'))!r}))"
     command = [sys.executable, "-c", f"{held}; print('held', flush=True); import time; time.sleep(60)"]
 
     with subprocess.Popen(command, stdout=subprocess.PIPE) as other:

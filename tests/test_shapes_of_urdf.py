@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from meshed import LINKS, arm, box, collision, mesh, obj, stl, text_stl, written
 from scipy.spatial.transform import Rotation
 
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.kinematics import Kinematics
-from identify.model.meshes import read_mesh
-from identify.model.urdf import read_urdf
+from identify.model.urdf.chain import read_urdf
+from identify.model.urdf.meshes import read_mesh
 
 edges = st.tuples(*[st.floats(0.1, 1000)] * 3)
 places = st.tuples(*[st.floats(-1000, 1000)] * 3)

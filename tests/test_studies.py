@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from oed.cli import main
 from studies import STUDIES, engine
 from studies.engine import Study, compute, evaluate, joined, read_table, write_results

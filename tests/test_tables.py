@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_jig, read_robot
-from identify.model.files import InputError, write_text
-from identify.model.tables import (
+from identify.model.io.description import library, read_jig, read_robot
+from identify.model.io.files import InputError, write_text
+from identify.model.io.tables import (
     is_positions,
     plan_text,
     positions_text,

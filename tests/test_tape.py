@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from cells import cell_of
 
-from identify.model import mapped
-from identify.model.descent import AXIS, POSE, descent
+from identify.estimation.selection import with_errors
+from identify.model.compiled import batch as mapped
+from identify.model.compiled.batch import BLOCKS, FEWEST, Mapped
+from identify.model.compiled.vectorized import columns
 from identify.model.errors import ERROR_MODELS
+from identify.model.ik_step import AXIS, POSE, descent
 from identify.model.kinematics import Kinematics
-from identify.model.mapped import BLOCKS, FEWEST, Mapped
 from identify.model.measurement import MeasurementModel
-from identify.model.tape import columns
-from identify.selection import with_errors
 
 a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c", 2)
 EXPRESSIONS = {

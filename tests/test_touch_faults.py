@@ -22,14 +22,14 @@ from touching import clear_plan, pointed
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
-from probe import events
-from probe.controller import Controller, Rebooted, TouchError
 from probe.controllers import open_controller
-from probe.execution import run
-from probe.paths import Geometry
-from probe.records import Result
-from probe.session import Session, journal_path, rebuilt
-from probe.settings import Settings
+from probe.line.controller import Controller, Rebooted, TouchError
+from probe.motion.joint_path import Geometry
+from probe.motion.settings import Settings
+from probe.runs import events
+from probe.runs.execution import run
+from probe.runs.records import Result
+from probe.runs.session import Session, journal_path, rebuilt
 from probe.virtual.server import VirtualCell, serve
 from probe.virtual.truth import Truth, draw_truth, with_effects
 

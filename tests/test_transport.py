@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identify.model.files import InputError
-from probe.clock import Clock
-from probe.controller import LinkLost
-from probe.framing import LONGEST, Lines, checksum, seal, unseal
-from probe.transcript import Recorder, read_transcript
-from probe.transport import SerialTransport, open_port
+from identify.model.io.files import InputError
+from probe.line.clock import Clock
+from probe.line.controller import LinkLost
+from probe.line.framing import LONGEST, Lines, checksum, seal, unseal
+from probe.line.transcript import Recorder, read_transcript
+from probe.line.transport import SerialTransport, open_port
 
 
 @pytest.fixture

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from oracle import forward
 from scipy.spatial.transform import Rotation
 
-from identify.model.description import library, read_robot
-from identify.model.files import InputError
+from identify.model.io.description import library, read_robot
+from identify.model.io.files import InputError
 from identify.model.kinematics import Kinematics
-from identify.model.urdf import read_urdf
+from identify.model.urdf.chain import read_urdf
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from measured import poses_over_jig, positions_at, table_2, touches_at
 
-from identify.calibration import calibrate
-from identify.model.calibration import summarize
-from identify.model.files import InputError
-from identify.verification import verify
+from identify.estimation.calibrate import calibrate
+from identify.estimation.verification import verify
+from identify.model.io.calibration_file import summarize
+from identify.model.io.files import InputError
 
 SIGMA = 0.05  # [mm]
 

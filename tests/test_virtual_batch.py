@@ -5,7 +5,7 @@ import pytest
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Plan, Touches
 from probe.virtual.batch import search_end, touch_batch

@@ -10,7 +10,7 @@ from raw_host import angles, crc, field, joints, line
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_robot
+from identify.model.io.description import library, read_robot
 from identify.model.touch import Plan
 from probe.virtual.batch import search_end
 from probe.virtual.line import LineController

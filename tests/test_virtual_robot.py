@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from virtual_support import make_plan
 
+from identify.estimation.selection import with_errors
 from identify.model.cell import Cell
-from identify.model.inverse import reach
+from identify.model.ik import reach
 from identify.model.touch import Plan
-from identify.selection import with_errors
 from probe.virtual.batch import search_end, touch_batch
 from probe.virtual.contact import Paths, first_contact, touching
 from probe.virtual.motion import straight

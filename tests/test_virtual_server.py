@@ -18,8 +18,8 @@ from raw_host import RawHost, angles, crc, field, joints, line
 from virtual_support import make_plan
 
 from identify.model.cell import Cell
-from identify.model.description import library
-from identify.model.files import InputError
+from identify.model.io.description import library
+from identify.model.io.files import InputError
 from identify.model.touch import Plan
 from probe.virtual.batch import search_end
 from probe.virtual.command import main

@@ -8,14 +8,14 @@ import pytest
 from identified import identified
 from measured import table_2
 
-from identify.localization import locate
-from identify.model.calibration import write_calibration
-from identify.model.description import library, read_cell
-from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
+from identify.model.io.calibration_file import write_calibration
+from identify.model.io.description import library, read_cell
+from identify.model.io.files import InputError
 from identify.model.touch import HIT
-from oed.offer import offer
-from oed.workpiece import _motions, _open, _promise, plan_workpiece, standing
+from identify.workpiece.localization import locate
+from oed.planning.candidate_set import offer
+from oed.planning.workpiece import _motions, _open, _promise, plan_workpiece, standing
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth
 

@@ -8,9 +8,9 @@ from cells import cell_of
 from scipy.stats import chi
 
 from identify.model.cell import Zone
-from identify.model.files import InputError
+from identify.model.io.files import InputError
 from identify.model.zone import cone, in_zone, zone_of, zone_poses
-from oed.zone import promise
+from identify.uncertainty.promise import promise
 
 
 @pytest.fixture(scope="module")

@@ -12,13 +12,13 @@ from pathlib import Path
 from touching import clear_plan, pointed
 
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell
+from identify.model.io.description import library, read_cell
 from identify.model.touch import Plan
-from probe.clock import Clock
 from probe.controllers import open_controller
-from probe.execution import run
-from probe.session import Session, journal_path
-from probe.settings import Settings
+from probe.line.clock import Clock
+from probe.motion.settings import Settings
+from probe.runs.execution import run
+from probe.runs.session import Session, journal_path
 
 TOUCHES = 8
 OPTIONS: dict[str, dict[str, float]] = {"line": {}, "grbl": {"axis_unit_deg": 0.1}}

@@ -11,8 +11,8 @@ from virtual_support import make_plan
 
 from identify.model.cell import Cell, Wire
 from identify.model.touch import Plan
-from probe.clock import Clock
-from probe.controller import Contact, Latch, NoContact, Refused, State
+from probe.line.clock import Clock
+from probe.line.controller import Contact, Latch, NoContact, Refused, State
 
 SERVO = 0.001  # [s]
 

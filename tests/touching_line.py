@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from touching import SERVO, Ticks, World
 
-from probe.controller import LinkLost
+from probe.line.controller import LinkLost
 
 DEADMAN = 0.75  # [s]
 LATENCY = 0.002  # [s]

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.model.calibration import Calibration
 from identify.model.frames import inverse, pose, transform
-from identify.model.inverse import reach
+from identify.model.ik import reach
+from identify.model.io.calibration_file import Calibration
 from identify.model.jig import Jig
 from identify.model.touch import HIT, Touches
 from identify.model.zone import cone, frames

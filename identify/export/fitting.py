@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.export.formats import sample
-from identify.model.calibration import Calibration
 from identify.model.frames import transform
+from identify.model.io.calibration_file import Calibration
 
 LEVERS = ((0.0, 0.0, 0.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0))  # [mm] from the tip: its orientation counts too
 ROUNDS = 20

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from identify.compensation import tip_transform
-from identify.model.calibration import Calibration
+from identify.compensation.compensate import tip_transform
+from identify.model.io.calibration_file import Calibration
 
 POSES = 300  # at which a format is compared
 DRAWS = 20_000

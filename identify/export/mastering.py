@@ -10,11 +10,11 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from identify.compensation import believed, tip_transform
+from identify.compensation.compensate import believed, tip_transform
 from identify.export.fitting import fitted, independent
 from identify.export.formats import Format, Forward, Original, deviation
-from identify.model.calibration import Calibration
-from identify.model.entries import POSE_KEYS, POSE_UNIT
+from identify.model.io.calibration_file import Calibration
+from identify.model.io.entries import POSE_KEYS, POSE_UNIT
 from identify.model.robot import POSE_NAMES
 
 HEADING = "{:12}{:>14}{:>26}"

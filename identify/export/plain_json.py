@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.export.formats import Format, Forward, Original
-from identify.model.calibration import Calibration
-from identify.model.entries import pose_entry, pose_of, robot_entry, robot_of
 from identify.model.frames import transform
+from identify.model.io.calibration_file import Calibration
+from identify.model.io.entries import pose_entry, pose_of, robot_entry, robot_of
+from identify.model.io.schema import PoseEntry, RobotFile
 from identify.model.kinematics import Kinematics
-from identify.model.schema import PoseEntry, RobotFile
 
 
 def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[str, str], tuple[str, ...]]:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.frames import pose, transform
-from identify.model.urdf_document import METRE
+from identify.model.urdf.document import METRE
 
 TAG = re.compile(rb"""<[^>"']*(?:"[^"]*"[^>"']*|'[^']*'[^>"']*)*>""")
 CHANGED = 1e-12  # [mm] or [rad], below which an origin keeps its text

@@ -5,8 +5,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from identify.model.compiled.batch import Mapped, compiled
 from identify.model.errors import Deflected, deflected
-from identify.model.mapped import Mapped, compiled
 from identify.model.robot import Robot
 
 

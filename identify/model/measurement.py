@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Wire
+from identify.model.compiled.batch import Mapped, compiled
 from identify.model.errors import CONDITIONAL, conditions
 from identify.model.kinematics import AXIS, ONE, POINT, ZERO, jig_T_tip, symbols
-from identify.model.mapped import Mapped, compiled
 from identify.model.robot import Robot
 from identify.model.touch import Positions, Touches
 

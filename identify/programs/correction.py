@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identify.compensation import Compensation, believed, compensate, tip_transform
-from identify.model.calibration import Calibration
+from identify.compensation.compensate import Compensation, believed, compensate, tip_transform
 from identify.model.frames import inverse, pose, transform
-from identify.model.inverse import within
+from identify.model.ik import within
+from identify.model.io.calibration_file import Calibration
 from identify.programs.orientation import euler_near, from_euler, from_quaternion, quaternion_near
 from identify.programs.places import Place, places
 from identify.programs.posture import Choice, Chooser, Fits

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.calibration import Calibration
+from identify.model.io.calibration_file import Calibration
 from identify.programs.correction import Corrected, correct
 from identify.programs.makers import maker_of
 from identify.programs.records import Found, Maker, Mention

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identify.guard import joint_change
+from identify.compensation.postures import nominal
+from identify.compensation.trust import joint_change
 from identify.model.frames import inverse, transform
-from identify.model.inverse import reach, within
+from identify.model.ik import reach, within
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot
 from identify.programs.records import Postures
 from identify.programs.setup import JointMap
-from identify.starts import nominal
 
 DRAWS = 24  # starts drawn for a position none of whose solutions fits its flags
 SAME = 1e-4  # [rad] or [mm]

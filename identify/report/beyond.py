@@ -2,7 +2,7 @@
 
 from html import escape
 
-from identify.model.calibration import Calibration
+from identify.model.io.calibration_file import Calibration
 from identify.report.page import table
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from identify.model.calibration import Calibration
+from identify.model.io.calibration_file import Calibration
 from identify.report.svg import AFTER, BEFORE, OUT, Axis, Chart, around, axis, colour, diverging, named
-from identify.report.zone import ZoneMap
+from identify.uncertainty.zone_map import ZoneMap
 
 
 def residuals_in_time(c: Calibration) -> str:

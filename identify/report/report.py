@@ -5,16 +5,16 @@ from html import escape
 
 import numpy as np
 
-from identify.ladder import ladder
-from identify.model.calibration import Calibration, Errors, summarize
+from identify.compensation.ladder import ladder
+from identify.estimation.verification import Verification
+from identify.model.io.calibration_file import Calibration, Errors, summarize
 from identify.model.touch import Positions, Touches
 from identify.report import charts
 from identify.report.beyond import chosen, findings
+from identify.report.ladder import ways
 from identify.report.page import page, table, view
 from identify.report.scene import scene
-from identify.report.ways import ways
-from identify.report.zone import ZoneMap, zone_map
-from identify.verification import Verification
+from identify.uncertainty.zone_map import ZoneMap, zone_map
 
 
 def report(c: Calibration, measured: Sequence[Touches | Positions] = (), verified: Verification | None = None) -> str:

@@ -8,18 +8,18 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from identify.model.calibration import write_calibration
 from identify.model.cell import Cell
-from identify.model.files import InputError, digest
-from oed.campaign import Campaign, Job, Stage
-from oed.campaign import campaign as make
+from identify.model.io.calibration_file import write_calibration
+from identify.model.io.files import InputError, digest
+from oed.campaigns.campaign import Campaign, Job, Stage
+from oed.campaigns.campaign import campaign as make
+from oed.campaigns.folder import Folder, over_port, standing
 from oed.cli.live import Screen
 from oed.cli.options import CellFile, Json, Seed, load_cell, print_json, progress
-from oed.cli.project import Folder, over_port, standing
 from oed.cli.sim import SIM, line_options, simulated
 from probe import Settings
-from probe.clock import Clock
-from probe.lock import Lock
+from probe.line.clock import Clock
+from probe.runs.lock import Lock
 
 
 def campaign(
@@ -101,7 +101,7 @@ def _port(where: str, protocol: str, cell: Cell, truth: str | None, folder: Path
 
 
 def _last(folder: Path, number: int) -> Any:
-    from identify.model.calibration import read_calibration
+    from identify.model.io.calibration_file import read_calibration
 
     return read_calibration(folder / f"calibration-{number}.json")
 

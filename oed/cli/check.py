@@ -6,8 +6,8 @@ from pathlib import Path
 from identify.model.cell import DEG, Cell
 from identify.model.identifiability import structure
 from identify.pendant import Agreement, compare, read_pendant
-from oed.clearance import Clearance
 from oed.cli.options import CellFile, Json, load_cell, print_json
+from probe.motion.clearance import Clearance
 
 
 def check(*, cell: CellFile = Path("cell.yaml"), pendant: Path | None = None, json: Json = False) -> int:

@@ -6,14 +6,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from identify.compensation import Compensation, Place, remarks
-from identify.compensation import compensate as corrected
-from identify.model.calibration import read_calibration
-from identify.model.entries import POSE_KEYS, POSE_UNIT
-from identify.model.files import sheet_text, write_text
-from identify.model.poses import Poses, read_poses
+from identify.compensation.compensate import Compensation, Place, remarks
+from identify.compensation.compensate import compensate as corrected
+from identify.model.io.calibration_file import read_calibration
+from identify.model.io.entries import POSE_KEYS, POSE_UNIT
+from identify.model.io.files import sheet_text, write_text
+from identify.model.io.poses import Poses, read_poses
+from identify.model.io.tables import joint_columns
 from identify.model.robot import Robot
-from identify.model.tables import joint_columns
 from oed.cli.options import Json, TrustUnits, numbers, print_json
 
 SHOWN = 10  # targets left alone that are named on the screen

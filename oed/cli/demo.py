@@ -11,32 +11,32 @@ import numpy as np
 from cyclopts import Parameter
 from jaxtyping import Float
 
-from identify.calibration import calibrate
-from identify.compensation import compensate
-from identify.model.calibration import Calibration, summarize, write_calibration
+from identify.compensation.compensate import compensate
+from identify.estimation.calibrate import calibrate
+from identify.estimation.face_association import believed
+from identify.estimation.verification import Verification, verify
 from identify.model.cell import Cell
-from identify.model.description import library, read_cell
-from identify.model.entries import POSE_KEYS, POSE_UNIT
-from identify.model.files import InputError, digest, read_text, sheet_text, write_text
 from identify.model.frames import pose
 from identify.model.identifiability import structure
-from identify.model.tables import positions_text, read_positions, read_touches, touches_text
+from identify.model.io.calibration_file import Calibration, summarize, write_calibration
+from identify.model.io.description import library, read_cell
+from identify.model.io.entries import POSE_KEYS, POSE_UNIT
+from identify.model.io.files import InputError, digest, read_text, sheet_text, write_text
+from identify.model.io.tables import positions_text, read_positions, read_touches, touches_text
 from identify.model.touch import Plan, Positions, Touches, joined
 from identify.model.zone import zone_poses
 from identify.report.report import report
-from identify.verification import Verification, verify
-from oed.assurance import assurance
-from oed.campaign import SPARE, Campaign, Job
-from oed.campaign import campaign as make
+from identify.uncertainty.assurance import assurance
+from oed.campaigns.campaign import SPARE, Campaign, Job
+from oed.campaigns.campaign import campaign as make
+from oed.campaigns.folder import Folder, over_port, standing
 from oed.cli.campaign import only_one
 from oed.cli.options import Json, Seed, errors_table, print_json, progress
-from oed.cli.project import Folder, over_port, standing
-from oed.planning import plan as make_plan
-from oed.posterior import believed
-from oed.sequence import minutes
-from oed.wary import plan_warily
+from oed.planning.plan import plan as make_plan
+from oed.planning.uncertain import plan_warily
 from probe import Settings
-from probe.clock import Clock
+from probe.line.clock import Clock
+from probe.motion.tour import minutes
 from probe.virtual.server import serve
 from probe.virtual.truth import Truth, read_truth, truths
 

@@ -10,11 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from identify.causes import looked_for
-from identify.health import LEAST, TOUCH, Finding, Health, judge, noticed
-from identify.model.calibration import Calibration, read_calibration
-from identify.model.files import InputError, digest, write_text
-from identify.model.tables import plan_text, read_plan
+from identify.health.causes import looked_for
+from identify.health.judge import LEAST, TOUCH, Finding, Health, judge, noticed
+from identify.model.io.calibration_file import Calibration, read_calibration
+from identify.model.io.files import InputError, digest, write_text
+from identify.model.io.tables import plan_text, read_plan
 from identify.model.touch import Plan, Touches, joined
 from oed.cli.options import CellFile, Json, Seed, TrustUnits, load_cell, only_touches, print_json, read_measured
 
@@ -90,8 +90,8 @@ def health(
 
 def _planned(identified: Calibration, file: Path, n: int, output: Path, seed: int, again: bool) -> Plan:
     """The plan of a check: the one that stands there, or a new one."""
-    from oed.change import plan_check
     from oed.cli.plan import write_summary
+    from oed.planning.health_check import plan_check
 
     if again and output.exists():
         return read_plan(output, identified.cell)
@@ -109,7 +109,7 @@ def _made(
     """Make the touches of a plan, as touchcal run does, or go on with them; the file that they are in."""
     import sys
 
-    from oed.cli.project import touches_of
+    from oed.campaigns.folder import touches_of
     from oed.cli.run import run
 
     described = load_cell(cell)

@@ -6,11 +6,11 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from identify.model.description import LIBRARY, library, read_jig, read_robot
-from identify.model.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
+from identify.model.io.description import LIBRARY, library, read_jig, read_robot
+from identify.model.io.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
+from identify.model.io.tables import POINT, joint_columns
 from identify.model.jig import Jig
 from identify.model.robot import Robot
-from identify.model.tables import POINT, joint_columns
 from identify.pendant import EULER
 
 MESHES = "meshes"  # folder beside the URDF
@@ -87,7 +87,7 @@ def init(
     if urdf is None:
         described, source = read_robot(_known("robots", robot)), LIBRARY + robot
     else:
-        from identify.model.urdf import read_urdf
+        from identify.model.urdf.chain import read_urdf
 
         described = read_urdf(urdf, base_link, flange_link)
         source = f"{{urdf: {urdf.name}, base: {base_link}, flange: {flange_link}}}"

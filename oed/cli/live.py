@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from probe.events import Drifted, Event, Recovered, Retried, Started, Touched, Touching, Waiting
+from probe.runs.events import Drifted, Event, Recovered, Retried, Started, Touched, Touching, Waiting
 
 ROWS = 14  # touches in sight
 

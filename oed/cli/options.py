@@ -10,11 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from identify.model.calibration import Calibration, Errors
 from identify.model.cell import Cell
-from identify.model.description import read_cell
-from identify.model.files import InputError, digest
-from identify.model.tables import is_positions, read_positions, read_touches
+from identify.model.io.calibration_file import Calibration, Errors
+from identify.model.io.description import read_cell
+from identify.model.io.files import InputError, digest
+from identify.model.io.tables import is_positions, read_positions, read_touches
 from identify.model.touch import Positions, Touches
 
 CellFile = Annotated[Path, Parameter(name="--cell", help="The file that describes robot, jig, tool and zone.")]
@@ -95,7 +95,7 @@ def errors_table(rows: Mapping[str, Errors | None]) -> str:
 
 def ladder_lines(calibration: Calibration) -> list[str]:
     """What each way of applying a calibration is predicted to give; no lines where there is no zone to predict for."""
-    from identify.ladder import ladder
+    from identify.compensation.ladder import ladder
 
     rungs = ladder(calibration)
     table = errors_table({rung.way: rung.errors for rung in rungs})

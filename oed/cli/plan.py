@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from identify.model.calibration import read_calibration
-from identify.model.files import InputError, digest, write_text
-from identify.model.tables import plan_text
+from identify.model.io.calibration_file import read_calibration
+from identify.model.io.files import InputError, digest, write_text
+from identify.model.io.tables import plan_text
 from oed.cli.options import CellFile, Json, Seed, load_cell, print_json, progress
 
 
@@ -62,8 +62,8 @@ def plan(
     import numpy as np
 
     from identify.report.plan import plan_page
-    from oed.planning import plan as make
-    from oed.planning import summary
+    from oed.planning.plan import plan as make
+    from oed.planning.plan import summary
 
     if robust < 0:
         raise InputError(f"--robust is {robust}, expected how many robots to draw, 10 for example")

@@ -10,22 +10,22 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from identify.model.calibration import read_calibration
+from identify.estimation.face_association import as_identified
 from identify.model.cell import Cell
-from identify.model.files import InputError, write_text
-from identify.model.tables import read_plan, touches_text
+from identify.model.io.calibration_file import read_calibration
+from identify.model.io.files import InputError, write_text
+from identify.model.io.tables import read_plan, touches_text
 from identify.model.touch import Plan
 from oed.cli.live import Screen
 from oed.cli.options import CellFile, Json, load_cell, print_json
 from oed.cli.sim import SIM, line_options, simulated, standing
-from oed.posterior import as_identified
 from probe import Session, Settings, estimate_delay, open_controller, rehearse, retreat
 from probe import run as make_touches
-from probe.clock import Clock
-from probe.delay import Delay, without_delay
-from probe.events import Finished
-from probe.preflight import validate
-from probe.session import journal_path
+from probe.line.clock import Clock
+from probe.runs.delay import Delay, without_delay
+from probe.runs.events import Finished
+from probe.runs.preflight import validate
+from probe.runs.session import journal_path
 
 FASTER = 6.0  # a first search, times the second: a hundred such pairs leave 2 micrometres of the bias, 1 sigma
 

@@ -6,11 +6,11 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from identify.model.files import InputError, nearest
+from identify.model.io.files import InputError, nearest
 from identify.model.robot import Robot
-from probe.clock import Clock
-from probe.controller import Controller, LinkLost, TouchError
-from probe.transcript import Transport
+from probe.line.clock import Clock
+from probe.line.controller import Controller, LinkLost, TouchError
+from probe.line.transcript import Transport
 
 PROTOCOLS = {
     "line": "probe.controllers.line:Line",
@@ -61,7 +61,7 @@ def open_controller(
     if protocol not in PROTOCOLS:
         known = ", ".join(PROTOCOLS)
         raise InputError(f"protocol '{protocol}' is unknown{nearest(protocol, PROTOCOLS)}; there are {known}")
-    from probe.transport import open_port
+    from probe.line.transport import open_port
 
     clock = clock or Clock()
     module, _, name = PROTOCOLS[protocol].partition(":")

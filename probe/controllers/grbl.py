@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.robot import Robot
-from probe.clock import Clock
-from probe.controller import Contact, Latch, LinkLost, NoContact, Refused, State
 from probe.controllers.grbl_link import GrblLink
 from probe.controllers.grbl_words import OFFSETS, Probe, motion, numbers, read_probe, refusal
-from probe.transcript import Transport
+from probe.line.clock import Clock
+from probe.line.controller import Contact, Latch, LinkLost, NoContact, Refused, State
+from probe.line.transcript import Transport
 
 NOWHERE = 0.002  # [axis units]
 SLACK = 10.0  # [s] beyond the expected duration of a motion before it is stopped

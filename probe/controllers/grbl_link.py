@@ -4,12 +4,12 @@ import secrets
 from collections.abc import Callable, Iterator
 from typing import NoReturn
 
-from probe.clock import Clock
-from probe.controller import LinkLost, Rebooted, Refused
 from probe.controllers.grbl_words import Report, numbers, read_report, refusal
-from probe.framing import Lines
-from probe.patience import T, patiently
-from probe.transcript import Transport
+from probe.line.clock import Clock
+from probe.line.controller import LinkLost, Rebooted, Refused
+from probe.line.framing import Lines
+from probe.line.patience import T, patiently
+from probe.line.transcript import Transport
 
 LONGEST = 500  # [bytes] of a line of GRBL
 HIGHEST_TOOL = 255  # of GRBL 1.1

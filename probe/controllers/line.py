@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.robot import Robot
-from probe.clock import Clock
-from probe.controller import Contact, Latch, LinkLost, NoContact, Refused, State
-from probe.framing import LONGEST
-from probe.link import Link, Timing
-from probe.transcript import Transport
+from probe.line.clock import Clock
+from probe.line.controller import Contact, Latch, LinkLost, NoContact, Refused, State
+from probe.line.framing import LONGEST
+from probe.line.link import Link, Timing
+from probe.line.transcript import Transport
 
 SPOKEN = "TOUCH/1"
 FIELDS = re.compile(r"(\w+)=(\S+)")

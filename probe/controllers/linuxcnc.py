@@ -12,14 +12,14 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.robot import Robot
-from probe.clock import Clock
-from probe.controller import Contact, Latch, LinkLost, NoContact, Rebooted, Refused, State
 from probe.controllers.linuxcnc_machine import Machine
 from probe.controllers.linuxcnc_mdi import AXES, LAST, SEARCH, SLOWEST, TRIPPED, Report, code_of, motion_words
 from probe.controllers.linuxcncrsh import Shell
-from probe.link import following
-from probe.patience import T, patiently
-from probe.transcript import Transport
+from probe.line.clock import Clock
+from probe.line.controller import Contact, Latch, LinkLost, NoContact, Rebooted, Refused, State
+from probe.line.link import following
+from probe.line.patience import T, patiently
+from probe.line.transcript import Transport
 
 ARRIVED = 2 * SLOWEST  # [deg] or [mm]
 PATIENCE = 20.0  # [s] before a controller that does not answer is given up

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from probe.clock import Clock
-from probe.controller import LinkLost, Refused, TouchError
 from probe.controllers.linuxcnc_mdi import BOOT, LAST, REPORTED, SEARCH, TRIPPED, Report, code_of, read_report
 from probe.controllers.linuxcncrsh import Shell
+from probe.line.clock import Clock
+from probe.line.controller import LinkLost, Refused, TouchError
 
 POLL = 0.02  # [s]
 SETTLED = 0.04  # [s] without a change of position: LinuxCNC's task looks every 1 to 10 ms

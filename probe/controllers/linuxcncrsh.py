@@ -3,9 +3,9 @@
 import re
 import secrets
 
-from probe.clock import Clock
-from probe.controller import LinkLost, TouchError
-from probe.transcript import Transport
+from probe.line.clock import Clock
+from probe.line.controller import LinkLost, TouchError
+from probe.line.transcript import Transport
 
 ENDS = re.compile(rb"[\r\n]+")  # it ends lines with CR LF, with LF CR, and with both
 VOID = "(\r\n"  # ends a request that was cut short so that it cannot run: half a line of G-code may be a motion, too

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.inverse import reach
+from identify.model.ik import reach
 
 ABOVE = 150.0  # [mm] over the highest face of the jig
 STARTS = 64

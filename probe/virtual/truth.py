@@ -30,13 +30,13 @@ from jaxtyping import Float, Int
 from pydantic import Field
 
 from identify.model.cell import DEG, Cell
-from identify.model.checks import error_mistakes
-from identify.model.document import Document, load
-from identify.model.files import InputError, Mistake, nearest
 from identify.model.frames import rotation
+from identify.model.io.checks import error_mistakes
+from identify.model.io.document import Document, load
+from identify.model.io.files import InputError, Mistake, nearest
+from identify.model.io.schema import Strict
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot
-from identify.model.schema import Strict
 
 LIBRARY = "library:"
 NotNegative = Annotated[float, Field(ge=0)]
@@ -143,7 +143,7 @@ class TruthFile(Strict):
 
 def truths() -> dict[str, Path]:
     """The truths that travel with touchcal, by name."""
-    folder = Path(str(package_files("identify.model") / "library" / "truths"))
+    folder = Path(str(package_files("identify.model.io") / "library" / "truths"))
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 

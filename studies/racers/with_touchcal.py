@@ -7,13 +7,13 @@ from functools import lru_cache
 import numpy as np
 from scipy.optimize import least_squares
 
-from identify.calibration import calibrate
+from identify.estimation.calibrate import calibrate
+from identify.estimation.problem import Problem as FitProblem
 from identify.model.cell import Cell, Wire
-from identify.model.description import library, read_cell, read_robot
+from identify.model.io.description import library, read_cell, read_robot
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import HIT, Positions, Touches
-from identify.problem import Problem as FitProblem
-from oed.exchange import exact_design
+from oed.design.exact import exact_design
 from studies.many import ManyTouches, calibrate_many
 
 Problem = dict[str, np.ndarray]

@@ -1,0 +1,247 @@
+"""A robot identified, and calibration.json, in which it travels."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from identify.model.cell import Cell
+from identify.model.io.entries import cell_entry, cell_from_entry
+from identify.model.io.files import InputError, Mistake, read_text, write_text
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Sizes of errors: distances along the normal for touches, in space for positions."""
+
+    n: int
+    mean_mm: float
+    rms_mm: float
+    p95_mm: float
+    max_mm: float
+
+
+def summarize(distance: Float[np.ndarray, " measured"]) -> Errors:
+    """Number, mean, root mean square, 95th percentile and maximum of distances [mm]."""
+    d = np.abs(distance)
+    return Errors(len(d), *(float(v) for v in (d.mean(), np.sqrt(np.mean(d * d)), np.percentile(d, 95), d.max())))
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What one touch said before and after the identification."""
+
+    before_mm: float
+    after_mm: float
+    used: bool
+
+
+@dataclass(frozen=True)
+class Term:
+    """An error model on the way from the geometric robot to the richest, and what it buys at unseen touches."""
+
+    name: str
+    held_out_mm: float  # mean error in regions held out, with this model and those before it
+    gain_mm: float  # by which that is less than without it
+    standard_error_mm: float  # of the gain
+    kept: bool
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong with what was measured, or with the robot: what kind, the evidence in a sentence, and where."""
+
+    kind: str
+    text: str
+    ids: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A robot identified: its parameters, their covariance, and how far to trust them."""
+
+    cell: Cell
+    theta: Float[np.ndarray, " parameters"]  # [mm, rad]
+    start: Float[np.ndarray, " parameters"]  # [mm, rad], nominal, or fitted in closed form where the cell says so
+    estimated: tuple[str, ...]
+    combinations: Mapping[str, Mapping[str, float]]  # eliminated name -> {estimated name: coefficient}, file units
+    covariance: Float[np.ndarray, "estimated estimated"]  # [mm, rad]
+    scatter: float  # residuals in units of the stated sigma; where above 1, the covariance is widened by it
+    scatter_significant: bool  # whether chance does not explain its distance from 1 (chi-square, 1 %)
+    weak: tuple[str, ...]
+    outliers: Mapping[str, float]  # id -> residual [mm]
+    fit: Errors
+    held_out: Errors | None  # None where no region could be spared
+    residuals: Mapping[str, Residual]
+    fingerprints: frozenset[str]  # of the measurements used, so that they are not used again to verify
+    iterations: int
+    solve_s: float
+    choice: tuple[Term, ...] = ()  # of the error models, where the data chose them
+    findings: tuple[Finding, ...] = ()
+    inputs: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of the files it was made from
+
+    @cached_property
+    def index(self) -> list[int]:
+        """Places of the estimated parameters among all."""
+        return [self.cell.robot.parameters.index(name) for name in self.estimated]
+
+    @cached_property
+    def sigma(self) -> Float[np.ndarray, " parameters"]:
+        """Standard deviations of all parameters [mm, rad]; 0 where a parameter was not estimated."""
+        sigma = np.zeros(len(self.theta))
+        sigma[self.index] = np.sqrt(np.diag(self.covariance))
+        return sigma
+
+    def status(self, name: str) -> Literal["estimated", "eliminated", "fixed"]:
+        """What became of a parameter."""
+        if name in self.estimated:
+            return "estimated"
+        return "eliminated" if name in self.combinations else "fixed"
+
+    def tip_covariance(self, q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray, "poses 3 3"]:
+        """Covariance of the tip position at poses [mm^2]."""
+        J = self.cell.kinematics.tip_jacobian(q, self.theta)[1][:, :, self.index]
+        return J @ self.covariance @ J.transpose(0, 2, 1)
+
+
+def fingerprints(*columns: Float[np.ndarray, "rows _"]) -> list[str]:
+    """A short name for each measurement, made of its numbers to 1e-6, which a rewriting of the file does not change."""
+    numbers = np.column_stack(columns).round(6) + 0.0  # no negative zeros
+    return [hashlib.sha256(row.tobytes()).hexdigest()[:16] for row in numbers]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class _Parameter(_Strict):
+    name: str
+    unit: str
+    nominal: float
+    value: float
+    sigma: float
+    status: Literal["estimated", "eliminated", "fixed"]
+    combination: dict[str, float]
+
+
+class _File(_Strict):
+    """calibration.json."""
+
+    touchcal: str
+    inputs: dict[str, str]
+    cell: dict[str, Any]
+    parameters: list[_Parameter]
+    covariance: list[list[float]]
+    scatter: float
+    scatter_significant: bool
+    fit: Errors
+    held_out: Errors | None
+    outliers: dict[str, float]
+    weak: list[str]
+    residuals: dict[str, Residual]
+    fingerprints: list[str]
+    iterations: int
+    solve_s: float
+    choice: list[Term] = []
+    findings: list[Finding] = []
+    sources: dict[str, str]
+
+
+def write_calibration(path: Path, calibration: Calibration) -> None:
+    """Write calibration.json, whole or not at all."""
+    write_text(path, json.dumps(calibration_entry(calibration), indent=1) + "\n")
+
+
+def calibration_entry(c: Calibration) -> dict[str, Any]:
+    """What calibration.json holds, in file units."""
+    unit = c.cell.robot.parameter_unit()
+    robot = c.cell.robot
+    columns = zip(robot.parameters, robot.units, c.start / unit, c.theta / unit, c.sigma / unit, strict=True)
+    scale = unit[c.index]
+    return {
+        "touchcal": version("touchcal"),
+        "inputs": dict(c.inputs),
+        "cell": cell_entry(c.cell),
+        "parameters": [
+            {
+                "name": name, "unit": unit_name, "nominal": float(nominal), "value": float(value),
+                "sigma": float(sigma), "status": c.status(name), "combination": dict(c.combinations.get(name, {})),
+            }
+            for name, unit_name, nominal, value, sigma in columns
+        ],
+        "covariance": ((c.covariance + c.covariance.T) / 2 / np.outer(scale, scale)).tolist(),  # rounding is not
+        "scatter": c.scatter,
+        "scatter_significant": c.scatter_significant,
+        "fit": asdict(c.fit),
+        "held_out": None if c.held_out is None else asdict(c.held_out),
+        "outliers": dict(c.outliers),
+        "weak": list(c.weak),
+        "residuals": {name: asdict(residual) for name, residual in c.residuals.items()},
+        "fingerprints": sorted(c.fingerprints),
+        "iterations": c.iterations,
+        "solve_s": c.solve_s,
+        "choice": [asdict(term) for term in c.choice],
+        "findings": [asdict(finding) for finding in c.findings],
+        "sources": dict(c.cell.sources),
+    }  # fmt: skip
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Read calibration.json; raises InputError where it is not one."""
+    text = read_text(path)
+    try:
+        file = _File.model_validate_json(text)
+        cell = cell_from_entry(file.cell, file.sources)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise _wrong(path, f"not a calibration: {where}: {first['msg']}") from None
+    except InputError as error:
+        raise _wrong(path, f"not a calibration: {error}") from None
+    if [p.name for p in file.parameters] != list(cell.robot.parameters):
+        raise _wrong(path, "its parameters are not those of its robot")
+    unit = cell.robot.parameter_unit()
+    estimated = tuple(p.name for p in file.parameters if p.status == "estimated")
+    scale = unit[[p.status == "estimated" for p in file.parameters]]
+    covariance = _covariance(path, file.covariance, len(estimated))
+    return Calibration(
+        cell=cell,
+        theta=np.array([p.value for p in file.parameters]) * unit,
+        start=np.array([p.nominal for p in file.parameters]) * unit,
+        estimated=estimated,
+        combinations={p.name: p.combination for p in file.parameters if p.status == "eliminated"},
+        covariance=covariance * np.outer(scale, scale),
+        scatter=file.scatter, scatter_significant=file.scatter_significant, weak=tuple(file.weak),
+        outliers=file.outliers, fit=file.fit, held_out=file.held_out, residuals=file.residuals,
+        fingerprints=frozenset(file.fingerprints), iterations=file.iterations, solve_s=file.solve_s,
+        choice=tuple(file.choice), findings=tuple(file.findings), inputs=file.inputs,
+    )  # fmt: skip
+
+
+def _covariance(path: Path, rows: list[list[float]], size: int) -> Float[np.ndarray, "estimated estimated"]:
+    """The covariance of a file, in file units."""
+    if len(rows) != size or any(len(row) != size for row in rows):
+        widths = " or ".join(map(str, sorted({len(row) for row in rows}))) or "0"
+        raise _wrong(path, f"its covariance is {len(rows)} x {widths}, expected {size} x {size}, a row a parameter")
+    C = np.array(rows).reshape(size, size)
+    if not np.allclose(C, C.T, rtol=1e-6, atol=0) or (size and np.linalg.eigvalsh(_correlation(C))[0] < -1e-6):
+        raise _wrong(path, "its covariance is not one: variances and covariances do not fit each other")
+    return C
+
+
+def _correlation(C: Float[np.ndarray, "size size"]) -> Float[np.ndarray, "size size"]:
+    """A covariance in units of its deviations; one that is none where a variance is not above 0."""
+    deviation = np.sqrt(np.maximum(np.diag(C), 0.0))
+    return C / deviation / deviation[:, None] if (deviation > 0).all() else -np.eye(len(C))
+
+
+def _wrong(path: Path, text: str) -> InputError:
+    return InputError([Mistake(str(path), 0, f"{text}; make it again with touchcal identify")])

@@ -1,0 +1,129 @@
+"""From the YAML files of a cell, a robot and a jig to what they describe."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.resources import files as package_files
+from pathlib import Path
+from typing import Literal
+
+from identify.model.cell import Cell
+from identify.model.io.checks import cell_mistakes, error_mistakes, error_value_mistakes, jig_mistakes, robot_mistakes
+from identify.model.io.document import Document, usable, validated
+from identify.model.io.entries import cell_of, equipped, jig_of, robot_of
+from identify.model.io.files import InputError, Mistake, digest, nearest
+from identify.model.io.schema import CellFile, JigFile, RobotFile, UrdfEntry
+from identify.model.jig import Jig
+from identify.model.robot import Robot
+
+LIBRARY = "library:"
+
+
+def library(kind: Literal["robots", "jigs", "cells"]) -> dict[str, Path]:
+    """The files that travel with touchcal, by name."""
+    folder = Path(str(package_files("identify.model.io") / "library" / kind))
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def read_cell(path: Path) -> Cell:
+    """Read cell.yaml and the robot and jig that it names; raises InputError with every mistake of all of them."""
+    document = Document(path)
+    file, mistakes = validated(document, CellFile)
+    sources = {path.name: digest(path)}
+    robot = jig = None
+    with _collecting(mistakes):
+        robot = _robot(document, sources)
+    with _collecting(mistakes):
+        jig = _jig(document, sources)
+    mistakes += error_mistakes(document)
+    if robot is not None and file is not None and not mistakes:
+        robot = equipped(file, robot)
+    mistakes += cell_mistakes(document, robot)
+    if mistakes or file is None or robot is None:
+        raise InputError(mistakes)
+    return cell_of(file, robot, jig, sources)
+
+
+def read_robot(path: Path) -> Robot:
+    """Read robot.yaml; raises InputError with every mistake."""
+    document = Document(path)
+    file, mistakes = validated(document, RobotFile)
+    mistakes += robot_mistakes(document)
+    if mistakes or file is None:
+        raise InputError(mistakes)
+    robot = robot_of(file)
+    if mistakes := error_value_mistakes(document, robot):
+        raise InputError(mistakes)
+    return robot
+
+
+def read_jig(path: Path) -> Jig:
+    """Read jig.yaml; raises InputError with every mistake."""
+    document = Document(path)
+    file, mistakes = validated(document, JigFile)
+    mistakes += jig_mistakes(document)
+    if mistakes or file is None:
+        raise InputError(mistakes)
+    return jig_of(file)
+
+
+def named_jig(name: str) -> Path:
+    """The file of a jig or workpiece that a path or library:NAME stands for."""
+    if not name.startswith(LIBRARY):
+        return Path(name)
+    known, short = library("jigs"), name.removeprefix(LIBRARY)
+    if short not in known:
+        raise InputError(f"the library has no jig '{short}'{nearest(short, known)}; it has {', '.join(known)}")
+    return known[short]
+
+
+@contextmanager
+def _collecting(mistakes: list[Mistake]) -> Iterator[None]:
+    """Gather the mistakes of one file and go on to the next."""
+    try:
+        yield
+    except InputError as error:
+        mistakes += [m for m in error.mistakes if isinstance(m, Mistake)]
+
+
+def _robot(document: Document, sources: dict[str, str]) -> Robot | None:
+    """The robot that a cell names, though the cell may have other mistakes."""
+    source = document.get("robot")
+    if isinstance(source, str):
+        if source.lower().endswith((".urdf", ".xacro")):
+            cure = f"robot: {{urdf: {source}, base: <link>, flange: <link>}}"
+            raise InputError([document.wrong(f"a URDF needs the two links of its chain; write {cure}", "robot")])
+        return read_robot(_resolve(source, "robots", "robot", document, sources))
+    if entry := usable(source, UrdfEntry):
+        from identify.model.urdf.chain import read_urdf
+
+        robot = read_urdf(_beside(entry.urdf, document, sources, "robot", "urdf"), entry.base, entry.flange)
+        sources |= {shape.file: digest(shape.path) for shape in robot.shapes if shape.path is not None}
+        return robot
+    return None
+
+
+def _jig(document: Document, sources: dict[str, str]) -> Jig | None:
+    """The jig that a cell names, though the cell may have other mistakes."""
+    source = document.get("jig")
+    return read_jig(_resolve(source, "jigs", "jig", document, sources)) if isinstance(source, str) else None
+
+
+def _resolve(name: str, kind: Literal["robots", "jigs"], key: str, document: Document, sources: dict[str, str]) -> Path:
+    """The file that a `library:` name or a path relative to the cell file stands for."""
+    if not name.startswith(LIBRARY):
+        return _beside(name, document, sources, key)
+    known, short = library(kind), name.removeprefix(LIBRARY)
+    if short not in known:
+        hint = f"{nearest(short, known)}; it has {', '.join(known)}"
+        raise InputError([document.wrong(f"the library has no {key} '{short}'{hint}", key)])
+    sources[f"{LIBRARY}{kind}/{short}"] = digest(known[short])
+    return known[short]
+
+
+def _beside(name: str, document: Document, sources: dict[str, str], *key: str) -> Path:
+    """A file named relative to the cell file."""
+    path = document.path.parent / name
+    if not path.is_file():
+        raise InputError([document.wrong(f"{key[-1]} file '{name}' does not exist beside {document.path.name}", *key)])
+    sources[name] = digest(path)
+    return path

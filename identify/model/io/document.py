@@ -1,0 +1,125 @@
+"""YAML files read with the place of every key, so that every mistake is told with its line."""
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.reader import ReaderError
+
+from identify.model.io.files import InputError, Mistake, nearest, read_text
+from identify.model.io.schema import Strict
+
+Model = TypeVar("Model", bound=Strict)
+
+
+class Document:
+    """A YAML file parsed with the place of every key."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        text = read_text(path)
+        try:
+            self.data: Any = YAML().load(text)
+        except MarkedYAMLError as error:
+            line = error.problem_mark.line + 1 if error.problem_mark else 0
+            raise InputError([Mistake(str(path), line, f"not valid YAML: {error.problem}")]) from None
+        except ReaderError as error:
+            line = text.count("\n", 0, error.position) + 1
+            raise InputError([Mistake(str(path), line, f"not valid YAML: {error.reason}")]) from None
+        except (ValueError, RecursionError) as error:  # a date of month 13, brackets a thousand deep
+            raise InputError([Mistake(str(path), 0, f"not valid YAML: {error}")]) from None
+
+    def line(self, location: tuple[int | str, ...]) -> int:
+        """The line of a key, or of the nearest thing around it that has one."""
+        node, line = self.data, 1
+        for key in location:
+            if isinstance(node, CommentedMap) and key in node:
+                line = node.lc.key(key)[0] + 1
+            elif isinstance(node, CommentedSeq) and isinstance(key, int) and key < len(node):
+                line = node.lc.item(key)[0] + 1
+            else:
+                break
+            node = node[key]
+        return line
+
+    def wrong(self, text: str, *location: int | str) -> Mistake:
+        """A mistake at a key of this file."""
+        return Mistake(str(self.path), self.line(location), text)
+
+    def get(self, key: str) -> Any:
+        """What stands at a key, unchecked; None where nothing does."""
+        return self.data.get(key) if isinstance(self.data, dict) else None
+
+    def items(self, key: str) -> list[Any]:
+        """The items of a list, unchecked; none where there is no list."""
+        found = self.get(key)
+        return found if isinstance(found, list) else []
+
+
+def load(path: Path, model: type[Model]) -> tuple[Model, Document]:
+    """Read and validate a YAML file; raises InputError with every mistake."""
+    document = Document(path)
+    file, mistakes = validated(document, model)
+    if file is None:
+        raise InputError(mistakes)
+    return file, document
+
+
+def validated(document: Document, model: type[Model]) -> tuple[Model | None, list[Mistake]]:
+    """What a file holds, or what is wrong with its form."""
+    if not isinstance(document.data, dict):
+        keys = ", ".join(list(model.model_fields)[:3])
+        return None, [Mistake(str(document.path), 1, f"expected keys such as {keys}")]
+    try:
+        return model.model_validate(document.data), []
+    except ValidationError as error:
+        return None, [_mistake(document, model, e) for e in error.errors()]
+
+
+def usable(raw: Any, model: type[Model]) -> Model | None:
+    """What can be read of an entry without the keys that are wrong; None where nothing can."""
+    for _ in range(2):
+        try:
+            return model.model_validate(raw)
+        except ValidationError as error:
+            wrong = {e["loc"][0] for e in error.errors() if e["loc"]}
+            raw = {key: value for key, value in raw.items() if key not in wrong} if isinstance(raw, dict) else None
+    return None
+
+
+def entries(document: Document, key: str, model: type[Model]) -> list[tuple[int, Model]]:
+    """The items of a list that can be read, with their places."""
+    found = [(i, usable(item, model)) for i, item in enumerate(document.items(key))]
+    return [(i, entry) for i, entry in found if entry is not None]
+
+
+def _mistake(document: Document, model: type[Strict], error: Any) -> Mistake:
+    """One of pydantic's findings as a sentence with its line."""
+    location = tuple(part for part in error["loc"] if not str(part).startswith("<"))  # tags of the unions
+    where = ".".join(str(part) for part in location)
+    if error["type"] == "extra_forbidden":
+        known = _known_keys(model, location[:-1])
+        return document.wrong(
+            f"unknown key '{where}'{nearest(str(location[-1]), known)}; known: {', '.join(known)}", *location
+        )
+    if error["type"] == "missing":
+        return document.wrong(f"key '{where}' is missing", *location)
+    return document.wrong(f"{where} is {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}", *location)
+
+
+def _known_keys(model: type[Strict], location: tuple[int | str, ...]) -> list[str]:
+    """The keys allowed at a place of a file."""
+    found: Any = model
+    for part in location:
+        if isinstance(part, str):
+            found = next(iter(_models_in(found.model_fields[part].annotation)), None) if found else None
+    return list(found.model_fields) if found else []
+
+
+def _models_in(annotation: Any) -> list[type[Strict]]:
+    if isinstance(annotation, type) and issubclass(annotation, Strict):
+        return [annotation]
+    return [m for argument in getattr(annotation, "__args__", ()) for m in _models_in(argument)]

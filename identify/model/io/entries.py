@@ -1,0 +1,186 @@
+"""Between what files hold, in millimetres and degrees, and what it describes; both ways."""
+
+from dataclasses import asdict, replace
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.cell import DEG, Cell, Controller, Priors, TouchSettings, Wire, Zone
+from identify.model.frames import pose, transform
+from identify.model.io import schema
+from identify.model.io.files import InputError
+from identify.model.jig import Box, Face, Jig
+from identify.model.robot import POSE_NAMES, Capsule, Joint, Robot
+
+POSE_KEYS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
+LINK_UNIT = np.array([DEG, 1.0, 1.0, DEG, DEG])
+POSE_UNIT = np.array([1.0, 1.0, 1.0, DEG, DEG, DEG])
+
+
+def pose_of(entry: schema.PoseEntry | Literal["fit"]) -> Float[np.ndarray, " 6"] | None:
+    """A frame's x, y, z [mm], rz, ry, rx [rad]; None where it is to be fitted."""
+    return None if entry == "fit" else np.array([getattr(entry, key) for key in POSE_KEYS]) * POSE_UNIT
+
+
+def pose_entry(frame: Float[np.ndarray, " 6"] | None) -> dict[str, float] | str:
+    """The inverse of `pose_of`."""
+    return "fit" if frame is None else dict(zip(POSE_KEYS, (frame / POSE_UNIT).tolist(), strict=True))
+
+
+def joint_of(number: int, entry: schema.JointEntry) -> Joint:
+    """A joint from its entry."""
+    slides = entry.type == "prismatic"
+    limits = entry.limits_mm if slides else entry.limits_deg
+    if limits is None:
+        raise InputError(f"joint '{entry.name or f'j{number}'}' has no limits_{'mm' if slides else 'deg'}")
+    unit = 1.0 if slides else DEG
+    speed = (entry.speed_mm_s or 500.0) if slides else (entry.speed_deg_s or 90.0) * DEG
+    return Joint(
+        entry.name or f"j{number}", slides, entry.theta_deg * DEG, entry.d_mm, entry.a_mm, entry.alpha_deg * DEG,
+        entry.beta_deg * DEG, limits[0] * unit, limits[1] * unit, speed, entry.mass_kg, entry.centre_mm,
+    )  # fmt: skip
+
+
+def robot_of(file: schema.RobotFile) -> Robot:
+    """A robot from its file."""
+    capsules = tuple(Capsule(c.link, c.start_mm, c.end_mm, c.radius_mm) for c in file.capsules)
+    joints = tuple(joint_of(i + 1, entry) for i, entry in enumerate(file.joints))
+    first, flange = (transform(np.asarray(pose_of(entry))) for entry in (file.base_to_first, file.last_to_flange))
+    robot = Robot(
+        file.name, joints, file.source, capsules, first, flange, errors=tuple(file.errors), up=file.up,
+        drawing=tuple(tuple((np.array(link) * LINK_UNIT).tolist()) for link in file.drawing),
+        payload=_payload(file.payload), temperature=file.temperature_c,
+    )  # fmt: skip
+    unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
+    values = tuple(file.error_values.get(name, 0.0) * unit[name] for name, _, _ in robot.error_parameters)
+    return replace(robot, error_values=values)
+
+
+def _payload(entry: schema.PayloadEntry | None) -> tuple[float, tuple[float, float, float]] | None:
+    return None if entry is None else (entry.mass_kg, entry.centre_mm)
+
+
+def _payload_entry(robot: Robot) -> dict[str, Any] | None:
+    return None if robot.payload is None else {"mass_kg": robot.payload[0], "centre_mm": robot.payload[1]}
+
+
+def equipped(file: schema.CellFile, robot: Robot) -> Robot:
+    """The robot with what the cell says of its errors, its mounting, its load and its temperature."""
+    return replace(
+        robot,
+        errors=robot.errors if file.errors is None else tuple(file.errors),
+        error_values=robot.error_values if file.errors is None else (),
+        up=robot.up if file.up is None else file.up,
+        payload=robot.payload if file.payload is None else _payload(file.payload),
+        temperature=robot.temperature if file.temperature_c is None else file.temperature_c,
+    )
+
+
+def robot_entry(robot: Robot) -> dict[str, Any]:
+    """The inverse of `robot_of`."""
+    unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
+    names = [name for name, _, _ in robot.error_parameters]
+    return {
+        "name": robot.name,
+        "source": robot.source,
+        "joints": [_joint_entry(joint) for joint in robot.joints],
+        "capsules": [
+            {"link": c.link, "start_mm": c.start, "end_mm": c.end, "radius_mm": c.radius} for c in robot.capsules
+        ],
+        "base_to_first": pose_entry(pose(robot.base_T_first)),
+        "last_to_flange": pose_entry(pose(robot.last_T_flange)),
+        "errors": list(robot.errors),
+        "error_values": {name: value / unit[name] for name, value in zip(names, robot.error_values, strict=False)},
+        "drawing": [(np.array(link) / LINK_UNIT).tolist() for link in robot.drawing],
+        "up": robot.up,
+        "payload": _payload_entry(robot),
+        "temperature_c": robot.temperature,
+    }
+
+
+def _joint_entry(joint: Joint) -> dict[str, Any]:
+    unit, factor = ("mm", 1.0) if joint.prismatic else ("deg", DEG)
+    return {
+        "name": joint.name, "type": "prismatic" if joint.prismatic else "revolute", "theta_deg": joint.theta / DEG,
+        "d_mm": joint.d, "a_mm": joint.a, "alpha_deg": joint.alpha / DEG, "beta_deg": joint.beta / DEG,
+        f"limits_{unit}": [joint.lower / factor, joint.upper / factor], f"speed_{unit}_s": joint.speed / factor,
+        "mass_kg": joint.mass, "centre_mm": joint.centre,
+    }  # fmt: skip
+
+
+def jig_of(file: schema.JigFile) -> Jig:
+    """A jig from its file."""
+    faces = (
+        Face(f.name, np.array(f.origin_mm), np.array(f.u_mm), np.array(f.v_mm), f.tolerance_mm) for f in file.faces
+    )
+    return Jig(file.name, tuple(faces), tuple(Box(b.lower_mm, b.upper_mm) for b in file.boxes))
+
+
+def jig_entry(jig: Jig) -> dict[str, Any]:
+    """The inverse of `jig_of`."""
+    return {
+        "name": jig.name,
+        "faces": [
+            {
+                "name": f.name, "origin_mm": f.origin.tolist(), "u_mm": f.u.tolist(), "v_mm": f.v.tolist(),
+                "tolerance_mm": f.tolerance,
+            }
+            for f in jig.faces
+        ],
+        "boxes": [{"lower_mm": b.lower, "upper_mm": b.upper} for b in jig.boxes],
+    }  # fmt: skip
+
+
+def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[str, str]) -> Cell:
+    """A cell from its file, and the robot and the jig that the file names."""
+    robot = equipped(file, robot)
+    unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
+    touch, priors, zone = file.touch, file.priors, file.zone
+    return Cell(
+        robot=robot, jig=jig, base=pose_of(file.base), tool=pose_of(file.tool),
+        wire=Wire(file.wire.radius_mm, file.wire.shape),
+        touch=TouchSettings(touch.sigma_mm, touch.approach_mm, touch.travel_mm, touch.speed_mm_s,
+                            touch.max_tilt_deg * DEG),
+        zone=None if zone is None else Zone(np.array(zone.box_mm), zone.max_tilt_deg * DEG),
+        priors=Priors((priors.base_mm, priors.base_deg * DEG), (priors.tool_mm, priors.tool_deg * DEG),
+                      (priors.length_mm, priors.angle_deg * DEG), priors.errors),
+        controller=Controller(**file.controller.model_dump()),
+        fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
+        sources=sources,
+    )  # fmt: skip
+
+
+def cell_entry(cell: Cell) -> dict[str, Any]:
+    """A cell as one document that needs no other file: robot and jig stand in it."""
+    unit = dict(zip(cell.robot.parameters, cell.robot.parameter_unit(), strict=True))
+    touch, priors, zone = cell.touch, cell.priors, cell.zone
+    return {
+        "robot": robot_entry(cell.robot),
+        "jig": None if cell.jig is None else jig_entry(cell.jig),
+        "base": pose_entry(cell.base),
+        "tool": pose_entry(cell.tool),
+        "wire": {"radius_mm": cell.wire.radius, "shape": cell.wire.shape},
+        "touch": {
+            "sigma_mm": touch.sigma, "approach_mm": touch.approach, "travel_mm": touch.travel,
+            "speed_mm_s": touch.speed, "max_tilt_deg": touch.max_tilt / DEG,
+        },
+        "zone": None if zone is None else {"box_mm": zone.box.tolist(), "max_tilt_deg": zone.max_tilt / DEG},
+        "priors": {
+            "base_mm": priors.base[0], "base_deg": priors.base[1] / DEG, "tool_mm": priors.tool[0],
+            "tool_deg": priors.tool[1] / DEG, "length_mm": priors.link[0], "angle_deg": priors.link[1] / DEG,
+            "errors": dict(priors.errors),
+        },
+        "controller": asdict(cell.controller),
+        "fixed": sorted(cell.fixed),
+        "bounds": {name: [lo / unit[name], hi / unit[name]] for name, (lo, hi) in cell.bounds.items()},
+    }  # fmt: skip
+
+
+def cell_from_entry(entry: dict[str, Any], sources: dict[str, str]) -> Cell:
+    """The inverse of `cell_entry`; raises pydantic's ValidationError or InputError where the document is not one."""
+    file = schema.EmbeddedCell.model_validate(entry)
+    robot = robot_of(file.robot)
+    if unknown := sorted({*file.fixed, *file.bounds} - set(robot.parameters)):
+        raise InputError(f"robot '{robot.name}' has no parameter '{unknown[0]}'")
+    return cell_of(file, robot, None if file.jig is None else jig_of(file.jig), sources)

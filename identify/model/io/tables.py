@@ -1,0 +1,219 @@
+"""The CSV files of touches, positions, plans and poses: columns with units in their names, radians inside."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.cell import Cell
+from identify.model.io.files import Sheet, read_sheet, read_text, sheet_text
+from identify.model.jig import Jig
+from identify.model.robot import POSE_NAMES, Robot
+from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
+
+PLANE = ("nx", "ny", "nz", "offset_mm")
+VIAS = 9  # columns of postures on the way that are looked for
+POINT = ("x_mm", "y_mm", "z_mm")
+APPROACH = "approach_"  # before the joints from which a touch was searched
+POSE_COLUMNS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
+
+
+def joint_columns(robot: Robot, prefix: str = "") -> list[str]:
+    """Names of the joint columns: q1_deg, q2_mm for a prismatic joint, ..."""
+    return [f"{prefix}q{i + 1}_{'mm' if p else 'deg'}" for i, p in enumerate(robot.prismatic)]
+
+
+def touch_columns(robot: Robot) -> list[str]:
+    """The columns of touches.csv, in order."""
+    measured = ["id", "time", "status", "face", *PLANE, "sigma_mm", *joint_columns(robot), "temperature_c", "note"]
+    return [*measured, *joint_columns(robot, APPROACH)]
+
+
+def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touches:
+    """Read the rows of touches.csv that happened (status hit, or no status column).
+
+    Raises InputError with every mistake: unknown faces, numbers that are none, duplicate ids, radians, metres.
+    """
+    sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], touch_columns(cell.robot))
+    ids, status = sheet.ids(), sheet.text("status", HIT)
+    hit = np.array([s == HIT for s in status], dtype=bool)
+    for row, value in enumerate(status):
+        if value not in STATUSES:
+            sheet.wrong(row, f"status is {value!r}, expected one of {', '.join(STATUSES)}")
+    sheet = _rows(sheet, hit)
+    q = _joints(sheet, cell.robot, trust_units)
+    face, normal, offset, tolerance = _planes(sheet, cell, trust_units)
+    sigma = _sigma(sheet, cell.touch.sigma)
+    temperature = _optional(sheet, "temperature_c")
+    approach = np.column_stack([_optional(sheet, name) for name in joint_columns(cell.robot, APPROACH)])
+    sheet.stop()
+    kept = [i for i, use in zip(ids, hit, strict=True) if use]
+    return Touches(
+        ids=tuple(kept), face=tuple(face), q=q, normal=normal, offset=offset, sigma=np.hypot(sigma, tolerance),
+        status=(HIT,) * len(kept), temperature=temperature, time=tuple(sheet.text("time")),
+        note=tuple(sheet.text("note")), approach=approach * cell.robot.joint_unit(),
+    )  # fmt: skip
+
+
+def read_positions(path: Path, cell: Cell, *, trust_units: bool = False) -> Positions:
+    """Read positions.csv: tip positions measured in the jig frame; raises InputError with every mistake."""
+    sheet = read_sheet(path, ["id", *joint_columns(cell.robot), *POINT], ["sigma_mm"])
+    ids, q = sheet.ids(), _joints(sheet, cell.robot, trust_units)
+    point = _block(sheet, POINT)
+    sigma = _sigma(sheet, cell.touch.sigma)
+    spread = np.ptp(point, axis=0).max() if len(ids) > 1 else np.inf
+    if spread < 10.0 and not trust_units:
+        sheet.at(0, f"all positions lie within {spread:.3g} mm: metres? write millimetres, or say --trust-units")
+    sheet.stop()
+    return Positions(tuple(ids), q, point, sigma)
+
+
+def is_positions(path: Path) -> bool:
+    """Whether a file holds measured positions rather than touches, by its header line."""
+    header = next(csv.reader([read_text(path).partition("\n")[0]], skipinitialspace=True), [])
+    return {name.strip() for name in header} >= set(POINT)
+
+
+def read_plan(path: Path, cell: Cell) -> Plan:
+    """Read plan.csv; raises InputError with every mistake."""
+    robot = cell.robot
+    vias = [joint_columns(robot, f"via{k + 1}_") for k in range(VIAS)]
+    sheet = read_sheet(
+        path,
+        ["id", "face", *POINT, *PLANE[:3], *joint_columns(robot), *joint_columns(robot, APPROACH)],
+        [name for via in vias for name in via],
+    )
+    face = sheet.text("face")
+    for row, name in enumerate(face):
+        if "face" in sheet.columns and (cell.jig is None or name not in cell.jig.by_name):
+            sheet.wrong(row, cell.unknown_face(name))
+    unit = robot.joint_unit()
+    plan = Plan(
+        ids=tuple(sheet.ids()), face=tuple(face), point=_block(sheet, POINT), normal=_block(sheet, PLANE[:3]),
+        q=_block(sheet, joint_columns(robot)) * unit, approach=_block(sheet, joint_columns(robot, APPROACH)) * unit,
+        via=_vias(sheet, vias) * unit,
+    )  # fmt: skip
+    sheet.stop()
+    return plan
+
+
+def _vias(sheet: Sheet, vias: Sequence[Sequence[str]]) -> Float[np.ndarray, "rows vias joints"]:
+    """Postures on the way, as many as the sheet has columns for; a row gives all joints of one, or none."""
+    here = [names for names in vias if sheet.columns.keys() & set(names)]
+    found = np.stack(
+        [np.column_stack([_optional(sheet, name) for name in names]) for names in here]
+        or [np.empty((len(sheet.lines), 0))],
+        axis=1,
+    )
+    for k, names in enumerate(here):
+        missing = np.isnan(found[:, k])
+        for row in np.flatnonzero(missing.any(axis=1) & ~missing.all(axis=1)):
+            sheet.wrong(int(row), f"{names[0]} to {names[-1]}: some are empty; write all of them, or none")
+    return found if here else np.empty((len(sheet.lines), 0, len(vias[0])))
+
+
+def plan_text(plan: Plan, robot: Robot) -> str:
+    """A plan as the text of plan.csv."""
+    columns: dict[str, Sequence[str] | np.ndarray] = {"id": plan.ids, "face": plan.face}
+    columns |= dict(zip(POINT, plan.point.T.round(6), strict=True))
+    columns |= dict(zip(PLANE[:3], plan.normal.T.round(12), strict=True))
+    vias = [(f"via{k + 1}_", plan.via[:, k]) for k in range(plan.via.shape[1])]
+    for prefix, q in (("", plan.q), (APPROACH, plan.approach), *vias):
+        columns |= dict(zip(joint_columns(robot, prefix), (q / robot.joint_unit()).T.round(9), strict=True))
+    return sheet_text(columns)
+
+
+def touches_text(touches: Touches, robot: Robot, jig: Jig | None = None) -> str:
+    """Touches as the text of touches.csv; a plane is written as numbers only where no face names it.
+
+    The scatter of a touch on a named face is written where the jig is given: without its tolerance, which reading adds.
+    """
+    named = np.array([bool(name) for name in touches.face], dtype=bool)
+    plane = np.column_stack([touches.normal, touches.offset])
+    plane[named] = np.nan
+    columns: dict[str, Sequence[str] | np.ndarray] = {
+        "id": touches.ids, "time": touches.time, "status": touches.status, "face": touches.face,
+    }  # fmt: skip
+    columns |= dict(zip(PLANE, plane.T, strict=True))
+    faces = {} if jig is None else jig.by_name
+    tolerance = np.array([faces[name].tolerance if name in faces else np.nan for name in touches.face])
+    own = np.where(named, touches.sigma**2 - tolerance**2, touches.sigma**2)
+    columns["sigma_mm"] = np.sqrt(own, where=own > 0, out=np.full(len(touches), np.nan))
+    columns |= dict(zip(joint_columns(robot), (touches.q / robot.joint_unit()).T.round(9), strict=True))
+    columns |= {"temperature_c": touches.temperature, "note": touches.note}
+    begun = np.full_like(touches.q, np.nan) if touches.approach is None else touches.approach
+    columns |= dict(zip(joint_columns(robot, APPROACH), (begun / robot.joint_unit()).T.round(9), strict=True))
+    return sheet_text(columns)
+
+
+def positions_text(positions: Positions, robot: Robot) -> str:
+    """Positions as the text of positions.csv."""
+    columns: dict[str, Sequence[str] | np.ndarray] = {"id": positions.ids}
+    columns |= dict(zip(joint_columns(robot), (positions.q / robot.joint_unit()).T.round(9), strict=True))
+    columns |= dict(zip(POINT, positions.point.T.round(6), strict=True)) | {"sigma_mm": positions.sigma}
+    return sheet_text(columns)
+
+
+def _rows(sheet: Sheet, keep: np.ndarray) -> Sheet:
+    columns = {name: [c for c, use in zip(cells, keep, strict=True) if use] for name, cells in sheet.columns.items()}
+    lines = [line for line, use in zip(sheet.lines, keep, strict=True) if use]
+    return Sheet(sheet.file, columns, lines, sheet.mistakes)
+
+
+def _block(sheet: Sheet, names: Sequence[str]) -> Float[np.ndarray, "rows columns"]:
+    return np.column_stack([sheet.numbers(name) for name in names])
+
+
+def _optional(sheet: Sheet, name: str) -> np.ndarray:
+    return sheet.numbers(name, float("nan")) if name in sheet.columns else np.full(len(sheet.lines), np.nan)
+
+
+def _joints(sheet: Sheet, robot: Robot, trust_units: bool) -> Float[np.ndarray, "rows joints"]:
+    values = _block(sheet, joint_columns(robot))
+    turning = values[:, ~np.array(robot.prismatic)]
+    largest = np.nanmax(np.abs(turning), initial=0.0)
+    if len(values) >= 3 and 0 < largest < 7 and not trust_units:
+        sheet.at(0, f"no joint angle is larger than {largest:.3g}: radians? write degrees, or say --trust-units")
+    return values * robot.joint_unit()
+
+
+def _sigma(sheet: Sheet, default: float) -> np.ndarray:
+    sigma = sheet.numbers("sigma_mm", default) if "sigma_mm" in sheet.columns else np.full(len(sheet.lines), default)
+    for row in np.flatnonzero(sigma <= 0).tolist():
+        sheet.wrong(
+            row,
+            f"sigma_mm is {sigma[row]:g}, expected a length above 0; leave it empty for the cell's {default:g}",
+        )
+    return sigma
+
+
+def _planes(
+    sheet: Sheet, cell: Cell, trust_units: bool
+) -> tuple[list[str], Float[np.ndarray, "rows 3"], Float[np.ndarray, " rows"], Float[np.ndarray, " rows"]]:
+    """Face names, normals, offsets and tolerances; a row names a face or gives a plane, not both."""
+    face = sheet.text("face")
+    given = np.column_stack([_optional(sheet, name) for name in PLANE])
+    faces = {} if cell.jig is None else cell.jig.by_name
+    plane, tolerance = given.copy(), np.zeros(len(face))
+    for row, name in enumerate(face):
+        if name in faces:
+            known = faces[name]
+            plane[row], tolerance[row] = (*known.normal, known.offset), known.tolerance
+        elif name:
+            sheet.wrong(row, cell.unknown_face(name))
+        elif np.isnan(given[row]).any():
+            sheet.wrong(row, "neither a face nor a whole plane (nx, ny, nz, offset_mm); write one of them")
+    by_numbers = np.array([not name for name in face], dtype=bool)
+    length = np.linalg.norm(plane[:, :3], axis=1)
+    for row in np.flatnonzero(np.abs(length - 1) > 1e-6).tolist():
+        sheet.wrong(row, f"the normal has length {length[row]:.6g}, expected 1; divide nx, ny, nz by {length[row]:.6g}")
+    differs = ~by_numbers & (np.nan_to_num(np.abs(given - plane)).max(axis=1, initial=0.0) > 1e-4)
+    for row in np.flatnonzero(differs).tolist():
+        sheet.wrong(row, f"the plane in numbers is not that of face '{face[row]}'; keep one of the two")
+    if by_numbers.sum() >= 3 and not trust_units and 0 < np.abs(given[by_numbers, 3]).max() < 5.0:
+        sheet.at(
+            0, "no plane lies further than 5 mm from the jig's origin: metres? write millimetres, or say --trust-units"
+        )
+    return face, plane[:, :3], plane[:, 3], tolerance

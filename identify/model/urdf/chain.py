@@ -1,0 +1,156 @@
+"""From a URDF to a robot: the chain between two of its links, in the parameters of the model."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.frames import inverse
+from identify.model.io.files import InputError, nearest
+from identify.model.robot import Joint, Robot
+from identify.model.urdf.axes import Axis, chain
+from identify.model.urdf.document import LONGEST, METRE, Urdf, end, origin, parsed
+from identify.model.urdf.shapes import collision_shapes
+
+TURNS = 20 * np.pi  # [rad], a larger limit was meant in degrees
+MOVES = ("revolute", "continuous", "prismatic")
+SPEED = {"revolute": np.pi / 2, "continuous": np.pi / 2, "prismatic": 500.0}  # where the URDF states none, or zero
+
+
+def read_urdf(path: Path, base: str, flange: str) -> Robot:
+    """The robot between two links of a URDF; joints become j1, j2, ... and keep their zero and sign.
+
+    Fixed joints are folded in. Consecutive axes within 5 degrees of parallel take Hayati's form (alpha, beta), others
+    the common normal (beta = 0). Raises InputError with every mistake in the chain.
+    """
+    urdf = parsed(path)
+    up, down = _path(urdf, base, flange)
+    T, axes, joints = np.eye(4), list[Axis](), list[ET.Element]()
+    for element in up:
+        T = T @ inverse(origin(urdf, element, _named(element)))
+    for element in down:
+        T = T @ origin(urdf, element, _named(element))
+        if element.get("type") != "fixed":
+            axes.append(Axis(T[:3, 3], T[:3, :3] @ _direction(urdf, element)))
+            joints.append(element)
+    ranges = [_range(urdf, element) for element in joints]
+    if not joints and not urdf.mistakes:
+        urdf.wrong(None, f"no joint moves between '{base}' and '{flange}'; name the first and last link of the arm")
+    if urdf.mistakes:
+        raise InputError(urdf.mistakes)
+    found = chain(axes, T)
+    shapes = collision_shapes(urdf, base, joints, found.frames)
+    if urdf.mistakes:
+        raise InputError(urdf.mistakes)
+    return Robot(
+        name=urdf.root.get("name") or path.stem,
+        joints=tuple(
+            Joint(f"j{i + 1}", element.get("type") == "prismatic", theta, d, a, alpha, beta, *limits)
+            for i, (element, (theta, d, a, alpha, beta), limits) in enumerate(
+                zip(joints, found.links.tolist(), ranges, strict=True)
+            )
+        ),
+        source=f"{path.name}, from '{base}' to '{flange}'",
+        base_T_first=found.base_T_first,
+        last_T_flange=found.last_T_flange,
+        shapes=shapes,
+    )
+
+
+def _named(joint: ET.Element) -> str:
+    return f"joint '{joint.get('name', '')}'"
+
+
+def _path(urdf: Urdf, base: str, flange: str) -> tuple[list[ET.Element], list[ET.Element]]:
+    """Fixed joints to climb from the base, then joints to descend to the flange."""
+    above = _joints_above(urdf)
+    links = {element.get("name", "") for element in urdf.root.iterfind("link")}
+    links |= {link for child, (parent, _) in above.items() for link in (child, parent)}
+    for role, name in (("base", base), ("flange", flange)):
+        if name not in links:
+            urdf.wrong(None, f"no link '{name}' for the {role}{nearest(name, links) or _listed(links)}")
+    if urdf.mistakes:
+        raise InputError(urdf.mistakes)
+    up, down = _climb(urdf, above, base), _climb(urdf, above, flange)
+    while up and down and up[-1] is down[-1]:
+        up, down = up[:-1], down[:-1]
+    top = {end(climb[-1], "parent") if climb else name for climb, name in ((up, base), (down, flange))}
+    if len(top) > 1:
+        urdf.fail(None, f"no chain of joints joins '{base}' and '{flange}'")
+    for element in up:
+        if element.get("type") != "fixed":
+            name = element.get("name", "")
+            urdf.wrong(element, f"joint '{name}' moves base '{base}'; name a base before it, or swap base and flange")
+    return up, down[::-1]
+
+
+def _joints_above(urdf: Urdf) -> dict[str, tuple[str, ET.Element]]:
+    """The parent link of every child link, and the joint between them."""
+    above = dict[str, tuple[str, ET.Element]]()
+    for element in urdf.root.iterfind("joint"):
+        name, parent, child = element.get("name", ""), end(element, "parent"), end(element, "child")
+        if not parent or not child:
+            urdf.wrong(
+                element, f'joint \'{name}\' does not join two links; write <parent link="..."/> <child link="..."/>'
+            )
+        elif child in above:
+            urdf.wrong(
+                element, f"link '{child}' hangs on joint '{name}' and on '{above[child][1].get('name', '')}'; keep one"
+            )
+        else:
+            above[child] = (parent, element)
+    return above
+
+
+def _climb(urdf: Urdf, above: dict[str, tuple[str, ET.Element]], link: str) -> list[ET.Element]:
+    """The joints above a link, up to the root."""
+    found: list[ET.Element] = []
+    while link in above:
+        link, element = above[link]
+        if element in found:
+            urdf.fail(element, f"joint '{element.get('name', '')}' closes a loop; a chain has two ends")
+        found.append(element)
+    return found
+
+
+def _listed(links: set[str]) -> str:
+    return f"; its links: {', '.join(sorted(links)[:20])}" if links else "; the file has no links"
+
+
+def _direction(urdf: Urdf, joint: ET.Element) -> Float[np.ndarray, " 3"]:
+    """The unit axis of a joint in its own frame; x where none is written."""
+    name, axis = _named(joint), joint.find("axis")
+    direction = urdf.vector(axis, "xyz", [1.0, 0.0, 0.0], name)
+    length = np.linalg.norm(direction)
+    if length == 0:
+        urdf.wrong(axis, f"{name}: the axis is zero; write a direction such as 0 0 1")
+        return np.eye(3)[0]
+    return direction / length
+
+
+def _range(urdf: Urdf, joint: ET.Element) -> tuple[float, float, float]:
+    """Lower limit, upper limit and speed of a moving joint [rad] or [mm]."""
+    name, kind, limit = _named(joint), joint.get("type", ""), joint.find("limit")
+    if kind not in MOVES:
+        urdf.wrong(joint, f"{name} is {kind or 'of no type'}, expected fixed, {', '.join(MOVES)}")
+        return 0.0, 0.0, 0.0
+    if joint.find("mimic") is not None:
+        urdf.wrong(joint, f"{name} mimics another; the chain needs joints that move on their own")
+    unit = METRE if kind == "prismatic" else 1.0
+    speed = urdf.vector(limit, "velocity", [0.0], name)[0] * unit or SPEED[kind]
+    if kind == "continuous":
+        return -2 * np.pi, 2 * np.pi, float(abs(speed))
+    if limit is None:
+        urdf.wrong(joint, f'{name} has no limits; write <limit lower="..." upper="..."/>')
+        return 0.0, 0.0, 0.0
+    before = len(urdf.mistakes)
+    lower, upper = urdf.vector(limit, "lower", [0.0], name)[0], urdf.vector(limit, "upper", [0.0], name)[0]
+    if lower >= upper and len(urdf.mistakes) == before:
+        urdf.wrong(limit, f"{name}: limits run from {lower:g} to {upper:g}; write the smaller first")
+    largest = max(abs(lower), abs(upper))
+    if kind == "prismatic" and largest > LONGEST:
+        urdf.wrong(limit, f"{name}: a stroke of {largest:g} m: millimetres? a URDF is in metres")
+    if kind == "revolute" and largest > TURNS:
+        urdf.wrong(limit, f"{name}: a limit of {largest:g} rad: degrees? a URDF is in radians")
+    return float(lower * unit), float(upper * unit), float(abs(speed))

@@ -1,0 +1,326 @@
+"""Sequential calibration: touch, identify, plan the next touches with what is known, until the promise is good."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.estimation.calibrate import calibrate
+from identify.estimation.face_association import Belief, believe, believed, free, provisional
+from identify.model.cell import Cell
+from identify.model.identifiability import structure
+from identify.model.io.calibration_file import Calibration
+from identify.model.io.files import InputError
+from identify.model.touch import HIT, Plan, Touches, joined
+from identify.uncertainty.assurance import assurance, tip_deviation
+from oed.planning.plan import plan as make_plan
+from oed.planning.uncertain import WaryWays, begun, plan_warily
+from probe.line.controller import TouchError
+from probe.motion.clearance import Clearance
+
+SPARE = 5  # touches beyond the number of parameters, before the touches alone are asked
+SCOUTS = 8  # touches of a stage that looks for the jig
+LONGEST = 80.0  # [mm], approach of a search for a badly known robot
+SHARES = (1.0, 0.7, 0.4, 0.0)  # of the length that a search asks for, tried one after the other
+SIGMAS = 2.0  # of the tip's deviation that an approach stays off
+BATCH = 40  # touches of a stage at the most
+LEAST = 8  # and at the least
+WORTH = 0.02  # of the promise that ten more touches must gain
+STAGES = 40
+STANDOFF = 15.0  # [mm], of an approach beyond that, on the ways around a jig that is not quite where it seems
+ARRIVED = (HIT, "miss", "outlier")  # touches that the robot did approach
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """The touches of one stage, and the cell as it is to be touched: what is believed, and how long to search."""
+
+    number: int  # from 1
+    cell: Cell  # with the searches of this stage and the robot as it is believed to be
+    plan: Plan
+    searching: bool  # the robot is so badly known that misses and collisions are to be expected
+    deviation: float  # [mm], of the tip before the stage
+
+
+Touch = Callable[[Job], Touches]
+Planner = Callable[[Cell, int, np.random.Generator, Calibration | None], Plan]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One round of the loop."""
+
+    job: Job
+    touches: Touches  # whatever its status
+    calibration: Calibration
+    promised_mm: float | None  # 95 % of the poses, 95 of 100 such robots; None while the touches alone do not suffice
+
+    @property
+    def hits(self) -> int:
+        """Touches that met something."""
+        return sum(status == HIT for status in self.touches.status)
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """What a campaign came to."""
+
+    stages: tuple[Stage, ...]
+    target_mm: float
+    reached: bool
+    why: str  # a sentence: why it ended
+
+    @property
+    def touches(self) -> int:
+        """Touches that were tried."""
+        return sum(len(stage.touches) for stage in self.stages)
+
+    @property
+    def calibration(self) -> Calibration:
+        """The last one."""
+        return self.stages[-1].calibration
+
+    @property
+    def promised_mm(self) -> float | None:
+        """The last promise."""
+        return self.stages[-1].promised_mm
+
+
+class Keeper(Protocol):
+    """Remembers stages, so that a campaign that was stopped goes on."""
+
+    def planned(self, number: int) -> tuple[Plan, dict[str, Any]] | None:
+        """The plan of a stage and what was noted with it, if there is one."""
+        ...
+
+    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
+        """Keep a plan before it is touched; the plan as it would be read again."""
+        ...
+
+    def keep_calibration(self, number: int, calibration: Calibration) -> None:
+        """Keep what a stage has found."""
+        ...
+
+
+class Forgetful:
+    """Keeps nothing."""
+
+    def planned(self, number: int) -> tuple[Plan, dict[str, Any]] | None:
+        """There is none."""
+        return None
+
+    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
+        """Hand it back."""
+        return plan
+
+    def keep_calibration(self, number: int, calibration: Calibration) -> None:
+        """Let it go."""
+
+
+def campaign(
+    cell: Cell,
+    *,
+    target_mm: float,
+    max_touches: int = 150,
+    rng: np.random.Generator,
+    touch: Touch,
+    keep: Keeper | None = None,
+    planner: Planner | None = None,
+    batch: int = BATCH,
+    tell: Callable[[Stage], None] = lambda stage: None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Campaign:
+    """Touch and identify by turns until 95 % of the tip errors in the zone are promised to stay below the target.
+
+    The first stages search far, for a robot that may be off by its tolerances; the later ones plan with what is known.
+    `touch` makes the touches of a job; `planner` plans all but those of the first, far searches, at most `batch` at a
+    time. Ends where the target is reached, the touches are used up, or more would not help. Raises InputError where
+    nothing can be planned, and TouchError where the jig is not met.
+    """
+    _sensible(cell, target_mm, max_touches)
+
+    def carefully(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
+        return make_plan(cell, n, rng=rng, after=after, lifting=False, progress=progress).plan
+
+    loop = _Loop(cell, target_mm, max_touches, rng, touch, keep or Forgetful(), planner or carefully, batch)
+    stages = list[Stage]()
+    for stage in loop.stages():
+        stages.append(stage)
+        tell(stage)
+    return Campaign(tuple(stages), target_mm, loop.reached, loop.why)
+
+
+def _sensible(cell: Cell, target: float, most: int) -> None:
+    least = structure(cell).rank + SPARE
+    if not target > 0:
+        raise InputError(f"target {target:g} mm: write the 95 % tip error in the zone that is wanted, above 0")
+    if most < least:
+        raise InputError(f"{most} touches cannot identify robot '{cell.robot.name}'; allow at least {least}")
+
+
+class _Loop:
+    """What a campaign knows while it runs."""
+
+    def __init__(
+        self, cell: Cell, target: float, most: int, rng: np.random.Generator, touch: Touch, keep: Keeper,
+        planner: Planner, batch: int,
+    ) -> None:  # fmt: skip
+        self.cell, self.target, self.most, self.rng, self.touch, self.keep = cell, target, most, rng, touch, keep
+        self.planner, self.batch = planner, batch
+        self.enough = structure(cell).rank + SPARE
+        self.tried, self.met = 0, _none(cell)
+        self.belief: Belief | None = None
+        self.after: Calibration | None = None
+        self.promised: float | None = None
+        self.wanted = SCOUTS
+        self.trail: Plan | None = None  # the last stage: where the robot has been, and stands
+        self.reached, self.why = False, ""
+
+    def stages(self) -> Iterator[Stage]:
+        """One stage after the other, until there is a reason to end."""
+        for number in range(1, STAGES + 1):
+            rng = self.rng.spawn(1)[0]  # of its own, so that a campaign that goes on later draws the same
+            job = self._job(number, rng)
+            stage = self._made(job)
+            yield stage
+            self._decide(stage)
+            if self.why:
+                return
+        self.why = f"{STAGES} stages were made"
+
+    def _job(self, number: int, rng: np.random.Generator) -> Job:
+        """The plan of a stage: the one that is kept, or a new one."""
+        deviation = self._deviation()
+        kept = self.keep.planned(number)
+        if kept is None:
+            found, approach = self._planned(min(self.wanted, self.most - self.tried), deviation, rng)
+            told = {"stage": number, "approach_mm": approach[0], "travel_mm": approach[1], "deviation_mm": deviation}
+            found = self.keep.keep_plan(number, found, told)
+        else:
+            found, told = kept
+            approach = (float(told["approach_mm"]), float(told["travel_mm"]))
+        cell = _searching(self.cell, approach)
+        cell = cell if self.after is None else believed(cell, self.after.theta)
+        return Job(number, cell, found, self.promised is None, deviation)
+
+    def _planned(self, n: int, deviation: float, rng: np.random.Generator) -> tuple[Plan, tuple[float, float]]:
+        """A plan whose searches are as long as the deviation of the tip asks, or as the jig and the robot allow."""
+        reach = min(SIGMAS * deviation, LONGEST)
+        reach += STANDOFF if self.promised is None else 0.0
+        own = self.cell.touch.approach, self.cell.touch.travel - self.cell.touch.approach
+        said: InputError | None = None
+        for after in (
+            (self.after, None) if self.promised is None else (self.after,)
+        ):  # as at first, where all else fails
+            for share in SHARES:
+                approach, beyond = max(own[0], share * reach), max(own[1], share * reach)
+                try:
+                    found = self._chosen(_searching(self.cell, (approach, approach + beyond)), n, rng, after)
+                except InputError as error:
+                    said = said or error
+                    continue
+                found = found.take(np.arange(min(len(found), self.most - self.tried)))
+                return _named(found, self.tried), (approach, approach + beyond)
+        assert said is not None
+        raise said
+
+    def _chosen(self, cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
+        """Touches for a robot that is hardly known, or planned with care."""
+        if self.promised is None or after is None:
+            return plan_warily(cell, n, rng, after, self.trail)
+        found = self.planner(cell, n, rng, after)
+        started = begun(found, WaryWays(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
+        stuck = started is found and self.trail is not None  # no way leads to any of them from where the robot stands
+        return plan_warily(cell, n, rng, after, self.trail) if stuck else started
+
+    def _made(self, job: Job) -> Stage:
+        """Touch, then identify from all touches so far."""
+        made = self.touch(job)
+        self.tried += len(made)
+        status = dict(zip(made.ids, made.status, strict=True))
+        been = [i for i, name in enumerate(job.plan.ids) if status.get(name) in ARRIVED]
+        self.trail = job.plan.take(np.array(been)) if been else self.trail
+        self.met = joined(self.met, made.take(np.array([s == HIT for s in made.status], dtype=bool)))
+        if not len(self.met):
+            raise TouchError(
+                f"none of {self.tried} touches met the jig; are jig, base and tool where the cell file says, and its "
+                "priors honest?"
+            )
+        self.belief = believe(self.cell, self.met, self.belief)
+        good = self.met.take(self.belief.as_planned(self.met))
+        self.after, self.promised = self._identified(good)
+        self.keep.keep_calibration(job.number, self.after)
+        return Stage(job, made, self.after, self.promised)
+
+    def _identified(self, good: Touches) -> tuple[Calibration, float | None]:
+        """The calibration that the touches alone allow, else what they and the tolerances make most probable."""
+        assert self.belief is not None
+        if len(good) >= self.enough:
+            try:
+                found = calibrate(self.cell, good, eliminate=False, start=self.belief.theta)
+                self._assured = assurance(self.cell, found, good)
+                return found, self._assured.promised()
+            except InputError:  # so many, and still not of full rank
+                pass
+        return provisional(self.cell, self.belief), None
+
+    def _deviation(self) -> float:
+        """How far the tip may be off [mm], 1 sigma."""
+        if self.after is None:
+            known = free(self.cell)
+            return tip_deviation(self.cell, self.cell.theta, np.diag(np.where(known, self.cell.prior, 0.0) ** 2))
+        covariance = np.zeros((len(self.after.theta), len(self.after.theta)))
+        covariance[np.ix_(self.after.index, self.after.index)] = self.after.covariance
+        return tip_deviation(self.cell, self.after.theta, covariance)
+
+    def _decide(self, stage: Stage) -> None:
+        """Whether and why to end, or how many touches to plan next."""
+        left = self.most - self.tried
+        if self.promised is None:
+            searching = SIGMAS * self._deviation() > self.cell.touch.approach
+            self.wanted = SCOUTS if searching else max(LEAST, self.enough - len(self.met))
+            if left < 1:
+                self.why = f"{self.tried} touches are used up before the robot could be identified"
+            return
+        floor = self._assured.floor
+        if self.promised <= self.target:
+            self.reached, self.why = True, f"the target of {self.target:g} mm is reached"
+            return
+        goal = self.target if floor < 0.97 * self.target else 1.1 * floor
+        if self.promised <= goal:
+            self.why = f"more touches do not help: {self._reason(floor)}"
+        elif left < 1:
+            self.why = f"all {self.most} touches are used up: {self._reason(floor)}"
+        else:
+            more = (self._assured.missing(goal) - 1) * len(self.met)
+            gain = 1 - self._assured.promised(1 + 10 / len(self.met)) / self.promised
+            if gain < WORTH and more > left:
+                self.why = f"more touches hardly help: {self._reason(floor)}"
+            self.wanted = int(np.clip(np.ceil(more if more < BATCH / 2 else 0.7 * more), LEAST, self.batch))
+
+    def _reason(self, floor: float) -> str:
+        """What keeps the error up, in words."""
+        assert self.cell.jig is not None
+        tolerance = max(face.tolerance for face in self.cell.jig.faces)
+        return (
+            f"promised are {self.promised:.3f} mm; {floor:.3f} mm would stay however many are made, because the faces "
+            f"of the jig stand where they should to {tolerance:g} mm (1 sigma); the rest is the scatter of a touch, "
+            f"{self.cell.touch.sigma:g} mm"
+        )
+
+
+def _searching(cell: Cell, length: tuple[float, float]) -> Cell:
+    return replace(cell, touch=replace(cell.touch, approach=length[0], travel=length[1]))
+
+
+def _named(plan: Plan, before: int) -> Plan:
+    """The touches of all stages are counted through."""
+    return replace(plan, ids=tuple(str(before + i + 1) for i in range(len(plan))))
+
+
+def _none(cell: Cell) -> Touches:
+    empty: Float[np.ndarray, " touches"] = np.empty(0)
+    q: Float[np.ndarray, "touches joints"] = np.empty((0, len(cell.robot.joints)))
+    return Touches((), (), q, np.empty((0, 3)), empty, empty, (), empty, (), (), q)

@@ -1,0 +1,143 @@
+"""The stages of a campaign as files in a folder, and their touches made over a port."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
+from csv import DictReader
+from dataclasses import replace
+from hashlib import sha256
+from json import JSONDecodeError, dumps, loads
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.cell import Cell
+from identify.model.io.calibration_file import Calibration, write_calibration
+from identify.model.io.entries import cell_entry
+from identify.model.io.files import InputError, Mistake, digest, read_text, write_text
+from identify.model.io.tables import plan_text, read_plan, read_touches
+from identify.model.touch import HIT, Plan, Touches, joined
+from oed.campaigns.campaign import Job
+from oed.cli import sim
+from oed.cli.plan import write_summary
+from probe import Session, Settings, open_controller, run
+from probe.line.clock import Clock
+from probe.line.controller import InTheWay, TouchError
+from probe.runs.events import Listener, ignore
+
+
+class Folder:
+    """plan-1.csv, plan-1.json, touches-1.csv, calibration-1.json, plan-2.csv, ... of one cell."""
+
+    def __init__(self, path: Path, cell: Cell, inputs: dict[str, str]) -> None:
+        self.path, self.cell, self.inputs = path, cell, inputs
+
+    def planned(self, number: int) -> tuple[Plan, dict[str, Any]] | None:
+        """The plan of a stage; raises InputError where it belongs to another cell."""
+        noted = self.path / f"plan-{number}.json"
+        if not noted.exists():
+            return None
+        try:
+            told = loads(read_text(noted))
+            for key in ("cell", "approach_mm", "travel_mm"):
+                told[key]
+        except (JSONDecodeError, KeyError, TypeError):
+            raise InputError([Mistake(str(noted), 0, f"not of a campaign; {ELSEWHERE}")]) from None
+        if told["cell"] != fingerprint(self.cell):
+            raise InputError([Mistake(str(noted), 0, f"the campaign in this folder is of another cell; {ELSEWHERE}")])
+        plan = self.path / f"plan-{number}.csv"
+        if told.get("inputs", {}).get(plan.name) != digest(plan):
+            raise InputError([Mistake(str(plan), 0, f"it was changed after it was planned; {ELSEWHERE}")])
+        return read_plan(plan, self.cell), told
+
+    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
+        """Write the plan, and then what was noted: the plan counts from then on."""
+        path = self.path / f"plan-{number}.csv"
+        write_text(path, plan_text(plan, self.cell.robot))
+        noted = told | {"cell": fingerprint(self.cell), "touches": len(plan)}
+        write_summary(path.with_suffix(".json"), noted, self.inputs | {path.name: digest(path)})
+        return read_plan(path, self.cell)
+
+    def keep_calibration(self, number: int, calibration: Calibration) -> None:
+        """Write what the touches so far tell."""
+        names = [f"touches-{i}.csv" for i in range(1, number + 1)]
+        inputs = self.inputs | {name: digest(self.path / name) for name in names}
+        write_calibration(self.path / f"calibration-{number}.json", replace(calibration, inputs=inputs))
+
+
+ELSEWHERE = "choose another folder with -o, or clear this one"
+
+
+def fingerprint(cell: Cell) -> str:
+    """SHA-256 of what a cell file says, but for the port."""
+    said = {key: value for key, value in cell_entry(cell).items() if key != "controller"}
+    return sha256(dumps(said, sort_keys=True).encode()).hexdigest()
+
+
+def touches_of(path: Path, cell: Cell, plan: Plan) -> Touches | None:
+    """The touches of a stage, where every one of its plan has its row."""
+    if not path.exists():
+        return None
+    ids = {line.split(",")[0] for line in read_text(path).splitlines()}
+    return _read(path, cell, plan) if set(plan.ids) <= ids else None
+
+
+def _read(path: Path, cell: Cell, plan: Plan) -> Touches:
+    """The touches that were tried: those that hit as they were measured, the others as they were planned."""
+    hits = read_touches(path, cell, trust_units=True)
+    status = {row["id"]: row["status"] for row in DictReader(read_text(path).splitlines())}
+    tried = [i for i, name in enumerate(plan.ids) if status.get(name, HIT) != HIT]
+    rest = plan.take(np.array(tried, dtype=int))
+    none = np.full(len(rest), np.nan)
+    return joined(hits, Touches(
+        rest.ids, rest.face, rest.q, rest.normal, none, none, tuple(status[name] for name in rest.ids), none,
+        ("",) * len(rest), ("",) * len(rest), rest.approach,
+    ))  # fmt: skip
+
+
+def _run(job: Job, controller: Any, session: Session, settings: Settings, tell: Listener, clock: Clock) -> None:
+    """Make the touches; a search for the jig ends where it gets into the robot's way, and the next is planned anew."""
+    try:
+        run(job.plan, controller, session, settings, tell=tell, clock=clock)
+    except InTheWay:
+        if not (job.searching and session.hits()):
+            raise
+
+
+def as_campaigns_say(text: str) -> str:
+    """What a run says, where no option is needed to go on."""
+    again = "the same command"
+    return text.replace("--resume --trust-position", f"{again} and --trust-position").replace("--resume", again)
+
+
+def over_port(
+    folder: Path, cell: Cell, port: Callable[[Job], AbstractContextManager[str]], protocol: str, settings: Settings,
+    clock: Clock,
+    tell: Listener = ignore, **line: Any,
+) -> Callable[[Job], Touches]:  # fmt: skip
+    """What makes the touches of a job over a port, into touches-N.csv; one that was interrupted goes on."""
+
+    def touch(job: Job) -> Touches:
+        path = folder / f"touches-{job.number}.csv"
+        made = touches_of(path, cell, job.plan)
+        if made is None:
+            patient = replace(settings, misses=len(job.plan) + 1, retries=0) if job.searching else settings
+            try:
+                with (
+                    port(job) as url,
+                    closing(open_controller(url, protocol, cell.robot, clock=clock, **line)) as controller,
+                    Session(path, job.cell, job.plan, resume=True, clock=clock) as session,
+                ):
+                    _run(job, controller, session, patient, tell, clock)
+            except TouchError as error:
+                raise TouchError(as_campaigns_say(str(error))) from None
+            made = _read(path, cell, job.plan)
+        return made
+
+    return touch
+
+
+def standing(folder: Path, cell: Cell, job: Job) -> Float[np.ndarray, " joints"]:
+    """Where a virtual robot stands when a stage begins, or goes on."""
+    return sim.standing(folder / f"touches-{job.number}.journal", cell, job.plan)

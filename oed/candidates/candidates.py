@@ -1,0 +1,185 @@
+"""The touches that could be made: contact points on faces, wire and turn, joint values of contact and of approach."""
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.cell import Cell
+from identify.model.ik import reach
+from identify.model.io.files import InputError
+from identify.model.jig import Face
+from identify.model.measurement import Rows
+from oed.candidates.edge_margins import EDGE, SHARE, Margins, margins, warnings
+from oed.candidates.feasibility import Judge, Verdict
+from oed.candidates.ik_branches import Branches, Poses
+from oed.candidates.reasons import reasons
+from oed.candidates.targets import Targets, spread, structured
+from probe.motion.clearance import MARGIN
+
+COUNT = 30_000
+ROUND = (3_000, 16_000)  # targets asked for at a time, at the least and at the most
+STRUCTURED = 0.9  # of them; the others are spread evenly
+ROUNDS = 8  # at the most, or as many as give three times the targets for what is asked
+EXPLORED = 0.2  # of as many contacts, that show first what can be reached, and how uncertain the tip is there
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Feasible touches, columns of equal length; `faces` are the faces of the jig that `face` counts through."""
+
+    faces: tuple[Face, ...]
+    face: Int[np.ndarray, " touches"]  # index into `faces`
+    point: Float[np.ndarray, "touches 3"]  # [mm], below the middle of the wire's end, in the plane of the face
+    normal: Float[np.ndarray, "touches 3"]  # outward
+    tilt: Float[np.ndarray, " touches"]  # [rad], between the wire and the normal
+    q: Float[np.ndarray, "touches joints"]  # [rad] or [mm], at contact
+    approach: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
+    margins: Margins  # kept by all of them
+    notes: tuple[str, ...] = ()  # sentences: faces that are not reached and why, faces that may be missed
+
+    def __len__(self) -> int:
+        return len(self.face)
+
+    def take(self, index: Int[np.ndarray, " some"] | Bool[np.ndarray, " touches"]) -> "Candidates":
+        """Some of the candidates, in the order of the index."""
+        return replace(self, **{name: getattr(self, name)[index] for name in COLUMNS})
+
+    @cached_property
+    def number(self) -> Int[np.ndarray, " faces"]:
+        """How many there are on each face."""
+        return np.bincount(self.face, minlength=len(self.faces))
+
+    def names(self) -> tuple[str, ...]:
+        """The name of the face of every touch."""
+        return tuple(self.faces[i].name for i in self.face)
+
+    def rows(self, cell: Cell) -> Rows:
+        """The equations that these touches will give, with the scatter of touches and the faces' tolerances."""
+        wire, m = cell.wire, len(self)
+        tolerance = np.array([face.tolerance for face in self.faces])[self.face]
+        offset = np.array([face.offset for face in self.faces])[self.face]
+        return Rows(
+            self.q, self.normal, offset + wire.ball, np.full(m, wire.flat), np.hypot(cell.touch.sigma, tolerance),
+            tuple(str(i) for i in range(m)), np.arange(m),
+        )  # fmt: skip
+
+
+COLUMNS = tuple(f.name for f in fields(Candidates) if f.name not in ("faces", "margins", "notes"))
+
+
+def candidates(
+    cell: Cell,
+    rng: np.random.Generator,
+    count: int = COUNT,
+    *,
+    theta: Float[np.ndarray, " parameters"] | None = None,
+    covariance: Float[np.ndarray, "parameters parameters"] | None = None,
+    share: float = SHARE,
+    margin: float = MARGIN,
+    structured: float = STRUCTURED,
+) -> Candidates:
+    """Feasible touches of the jig, `count` of them where there are so many; raises InputError where there are none.
+
+    `theta` and `covariance` are what is known of the robot, its nominal parameters and priors if not given: they place
+    the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and torch [mm];
+    `structured` is the share that is asked for on corners and edges, the others are spread evenly.
+    """
+    _require(cell)
+    theta = cell.theta if theta is None else theta
+    covariance = np.diag(cell.prior**2) if covariance is None else covariance
+    size = int(np.clip(2 * count, *ROUND))
+    search = _Search(cell, theta, covariance, share, margin, structured, int(EXPLORED * size), rng)
+    found: list[Candidates] = []
+    for _ in range(max(ROUNDS, 3 * count // size)):
+        found.append(search.round(size))
+        if sum(map(len, found)) >= count or not len(found[0]):
+            break
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in found]) for name in COLUMNS}
+    all_found = Candidates(search.faces, **columns, margins=search.judge.margins)
+    unreached = reasons(search.judge, search.tally)
+    if not len(all_found):
+        raise InputError("no touch can be made. " + " ".join(unreached))
+    notes = (*unreached, *warnings(cell, search.judge.margins, all_found.number > 0), *search.judge.clearance.notes)
+    some = rng.choice(len(all_found), min(count, len(all_found)), replace=False)
+    return replace(all_found.take(np.sort(some)), notes=notes)
+
+
+def _require(cell: Cell) -> None:
+    if cell.jig is None:
+        raise InputError("the cell has no jig to touch; name one in cell.yaml (jig: library:step-block)")
+    for name, pose in (("base", cell.base), ("tool", cell.tool)):
+        if pose is None:
+            raise InputError(f"{name}: fit leaves open where the {name} stands; write its pose to plan touches")
+    if cell.touch.travel <= cell.touch.approach:
+        raise InputError(
+            f"touch: a search of travel_mm: {cell.touch.travel:g} ends before the contact, which is approach_mm: "
+            f"{cell.touch.approach:g} away; write a longer travel_mm"
+        )
+
+
+class _Search:
+    """Rounds of targets, solved and judged."""
+
+    def __init__(
+        self,
+        cell: Cell,
+        theta: Float[np.ndarray, " parameters"],
+        covariance: Float[np.ndarray, "parameters parameters"],
+        share: float,
+        margin: float,
+        regular: float,
+        explored: int,
+        rng: np.random.Generator,
+    ) -> None:
+        assert cell.jig is not None
+        self.cell, self.theta, self.rng = cell, theta, rng
+        self.regular = regular
+        self.faces = cell.jig.faces
+        size = np.stack([face.size for face in self.faces])
+        edge = np.minimum(EDGE / size, 0.4)
+        around = spread(cell, edge, explored // 2, rng).followed_by(structured(cell, edge, explored // 2, rng))
+        self.branches = Branches(cell, theta, _poses(cell, around), rng)
+        known = self.branches.known.within(cell.robot)
+        face = around.face[self.branches.order][known.pose]
+        kept = margins(cell, covariance, theta, face, known.q, share)
+        self.inset = np.minimum(kept.inset / size, 0.5)
+        self.judge = Judge(cell, theta, kept, margin)
+        self.tally = np.zeros((len(self.faces), len(Verdict)), dtype=int)
+
+    def round(self, size: int) -> Candidates:
+        """Touches that pass, of about `size` targets."""
+        many = int(self.regular * size)
+        wanted = spread(self.cell, self.inset, size - many, self.rng)
+        if many:
+            wanted = structured(self.cell, self.inset, many, self.rng).followed_by(wanted)
+        found = self.branches.solve(_poses(self.cell, wanted))
+        face = wanted.face[found.pose]
+        q, tilt = found.q, wanted.tilt[found.pose]
+        if len(self.cell.robot.joints) < 5:
+            q, tilt = self._settled(wanted.take(found.pose), q)
+        approach, verdict = self.judge.touch(face, q)
+        np.add.at(self.tally, (face, verdict), 1)
+        ok = verdict == Verdict.FINE
+        pose = found.pose[ok]
+        return Candidates(
+            self.faces, face[ok], wanted.point[pose], wanted.normal[pose], tilt[ok], q[ok], approach[ok],
+            self.judge.margins,
+        )  # fmt: skip
+
+    def _settled(
+        self, wanted: Targets, q: Float[np.ndarray, "touches joints"]
+    ) -> tuple[Float[np.ndarray, "touches joints"], Float[np.ndarray, " touches"]]:
+        """Joints and tilts at contact, where the robot and not the target says how the wire stands."""
+        for _ in range(3):
+            tip, R = self.cell.kinematics.tip(q, self.theta)
+            tilt = np.arccos(np.clip(-(R[:, :, 2] * wanted.normal).sum(axis=1), -1.0, 1.0))
+            tip = replace(wanted, tilt=tilt).tip(self.cell)
+            q = reach(self.cell.kinematics, self.theta, tip, R, q, free_orientation=True, iterations=5).q
+        return q, tilt
+
+
+def _poses(cell: Cell, wanted: Targets) -> Poses:
+    return Poses(wanted.tip(cell), wanted.rotation, wanted.face)

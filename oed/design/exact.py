@@ -1,0 +1,263 @@
+"""Exact designs: the n touches that tell the most, chosen among all candidates.
+
+The search (`oed.design.memetic`) is among the touches that the relaxation nearly uses; what it finds is then improved by
+swaps with every candidate there is, and the relaxation's bound says how much better any set could be.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from oed.criteria.criteria import Criterion, checked_zone, score
+from oed.design.constraints import Members, Rules
+from oed.design.first_order_swaps import ScreenedSwaps
+from oed.design.matrix import blocks, information, whitener
+from oed.design.memetic import Found, Pool, evolve
+from oed.design.problem import Task, task
+from oed.design.relaxation import ApproximateDesign, phi
+from oed.design.swaps import DeterminantSwaps, Precision, Swaps, TraceSwaps
+
+CLOSE = 0.95  # candidates whose gain is this close to what weight needs make the pool,
+POOL = 500, 1500  # so many rows at the least and at the most, more for many touches
+RIDGE = 1e-9  # of the information of the relaxation, so that any set has an inverse
+CHUNK = 4096  # candidates compared with a set at once
+FINAL = 3  # sets of the search that are compared with every candidate
+PASSES = 50  # of that comparison; 2 to 5 are usual
+SIZE = {"determinant": 40, "trace": 20, "screened": 8}  # of a population, for 50 touches or fewer
+SMALLEST = 6
+SEARCHES = 12  # for each member of a population, where so many rows are close;
+CLOSE_ROWS = (
+    800  # with fewer the searches fall as their square: there are fewer good sets, and chance finds one sooner,
+)
+CHEAP = 25  # but not below that of a pool of so many rows, in which a search costs next to nothing
+
+
+@dataclass(frozen=True, eq=False)
+class ExactDesign:
+    """Touches to make, their worth, and their share of the best that any touches could be worth."""
+
+    criterion: str
+    indices: Members  # rows; the fixed ones first
+    value: float  # the criterion of these touches and the prior
+    efficiency: float  # against the bound of `relaxation`, as a share of information; nan for O2 and O4
+    relaxation: ApproximateDesign
+    searches: int  # local searches made
+
+
+def exact_design(
+    rows: Float[np.ndarray, "candidates parameters"],
+    n: int | None = None,
+    criterion: str = "D",
+    *,
+    rng: np.random.Generator | None = None,
+    seconds: float | None = None,
+    iterations: int | None = None,
+    relaxation: ApproximateDesign | None = None,
+    prior: Float[np.ndarray, "parameters parameters"] | None = None,
+    zone: np.ndarray | None = None,
+    fixed: Int[np.ndarray, " fixed"] | None = None,
+    start: Int[np.ndarray, " some"] | None = None,
+    face: np.ndarray | None = None,
+    quotas: Mapping[Any, tuple[int, int]] | None = None,
+    positions: Float[np.ndarray, "candidates axes"] | None = None,
+    min_distance: float = 0.0,
+    repeats: bool = False,
+    cost: Float[np.ndarray, " candidates"] | None = None,
+    budget: float | None = None,
+) -> ExactDesign:
+    """The n touches, `fixed` ones included, that are best by a criterion; or as many as fit a `budget` of `cost`.
+
+    `quotas` are the smallest and largest number of touches per `face` (a number or a name); no two touches are closer
+    than `min_distance` in `positions`. The search begins with a set completed from `start`, as far as that keeps the
+    rules. It makes `iterations` local searches, as many as the problem needs if not given, and is the same for the same
+    `rng`; with `seconds` it goes on until they are over, and what it finds depends on the machine.
+    """
+    question = task(
+        rows, n, criterion, prior=prior, zone=zone, fixed=fixed, face=face, quotas=quotas, positions=positions,
+        min_distance=min_distance, repeats=repeats, cost=cost, budget=budget,
+    )  # fmt: skip
+    rng = np.random.default_rng(0) if rng is None else rng
+    relaxation = question.relaxed(repeats) if relaxation is None else relaxation
+    level, M = _scaled(question, relaxation)
+    basis = whitener(M)
+    size, iterations = _effort(question, relaxation.closeness, iterations)
+    begin = np.zeros(0, int) if start is None else np.intersect1d(start, question.free)
+    found, searches = _searched(question, relaxation.closeness, basis, size, rng, _progress(seconds, iterations), begin)
+    best = max((_polished(question, basis, ids) for ids in found), key=lambda winner: winner.log)
+    chosen = best.members[best.members < len(question.rows)]
+    indices = np.concatenate([question.fixed, chosen])
+    total = question.known + information(question.rows[chosen])
+    return ExactDesign(
+        criterion=question.criterion.name,
+        indices=indices,
+        value=float(score(question.criterion, total, len(indices), zone)),
+        efficiency=phi(question.criterion, total, zone) / level,
+        relaxation=relaxation,
+        searches=searches,
+    )
+
+
+def _effort(question: Task, closeness: Float[np.ndarray, " candidates"], iterations: int | None) -> tuple[int, int]:
+    """Members of a population, and local searches: fewer for many touches, which are nearer to the bound anyway."""
+    kind = question.criterion.swaps
+    size = max(SMALLEST, SIZE[kind] * 50 // max(50, question.slots))
+    if iterations is None:
+        share = min(1.0, max((_close(question, closeness) / CLOSE_ROWS) ** 2, CHEAP / len(question.free)))
+        share = 1.0 if kind == "screened" else share  # they look at a few swaps only, and chance finds less
+        iterations = int(np.ceil(size * SEARCHES * share))
+    if iterations < 1:
+        raise ValueError(f"iterations: {iterations}, expected at least 1")
+    return min(size, max(SMALLEST, iterations // 10)), iterations
+
+
+def _close(question: Task, closeness: Float[np.ndarray, " candidates"]) -> int:
+    """Rows that the relaxation uses or nearly uses."""
+    return int((closeness[question.free[question.free < len(question.rows)]] >= CLOSE).sum())
+
+
+def _progress(seconds: float | None, iterations: int) -> Callable[[int], float]:
+    """The share of the search that is over, after so many local searches."""
+    if seconds is None:
+        return lambda made: made / iterations
+    if not seconds > 0:
+        raise ValueError(f"seconds: {seconds:g}, expected more than 0")
+    begin = time.perf_counter()
+    return lambda made: (time.perf_counter() - begin) / seconds
+
+
+def _scaled(question: Task, relaxation: ApproximateDesign) -> tuple[float, Float[np.ndarray, "p p"]]:
+    """Bound and information of a relaxation, for the number of touches that is asked for."""
+    if len(relaxation.weights) != len(question.rows) or relaxation.criterion != question.criterion.name:
+        raise ValueError(
+            f"relaxation: of {len(relaxation.weights)} candidates and criterion '{relaxation.criterion}', expected "
+            f"{len(question.rows)} and '{question.criterion.name}'; make it from the same rows"
+        )
+    if question.rules.cost is not None or relaxation.touches == question.slots:
+        return relaxation.level, relaxation.information
+    if question.known.any():
+        raise ValueError(
+            f"relaxation: made for {relaxation.touches} touches, expected {question.slots}, since something is known "
+            "already; pass touches= and prior= when making it"
+        )
+    more = question.slots / relaxation.touches
+    return more * relaxation.level, more * relaxation.information
+
+
+def swaps_of(
+    criterion: Criterion,
+    rows: Float[np.ndarray, "some p"],
+    known: Float[np.ndarray, "p p"],
+    zone: np.ndarray | None = None,
+    basis: Float[np.ndarray, "p p"] | None = None,
+    precision: Precision = np.float32,
+) -> Swaps:
+    """Swaps among some rows beside information that is known, by the formula of the criterion.
+
+    In the `basis`, by default that of all rows together, information is about a multiple of one: single precision is
+    enough then.
+    """
+    T = whitener(known + information(rows)) if basis is None else basis
+    X, M = rows @ T, T.T @ known @ T
+    if criterion.swaps == "determinant":
+        return DeterminantSwaps(X, M, -2 * float(np.linalg.slogdet(T)[1]) / len(T), precision)
+    if criterion.swaps == "screened":
+        return ScreenedSwaps(X, M, T, criterion, zone, np.random.default_rng(0), precision)
+    K = T
+    if criterion.needs_zone:
+        tip = checked_zone(criterion, zone, len(T))
+        K = tip.reshape(-1, len(T)) @ T / np.sqrt(len(tip))
+    return TraceSwaps(X, M, K.T @ K, precision)
+
+
+def exchanged(
+    swaps: Swaps, n: int, members: Int[np.ndarray, " some"] | None = None, rules: Rules | None = None
+) -> Int[np.ndarray, " n"]:
+    """A set completed to n touches, each time with the one that adds most, then improved by swaps until none helps."""
+    pool = Pool(swaps, Rules(len(swaps.rows)) if rules is None else rules, n)
+    whole = pool.completed(np.zeros(0, int) if members is None else members)
+    if whole is None:
+        raise ValueError(f"rules: no way was found to {n} touches that keep them; loosen one")
+    return pool.descend(whole).members
+
+
+def _swaps(question: Task, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray, " some"]) -> Swaps:
+    """Swaps among some rows of the question."""
+    back = np.linalg.inv(basis)
+    known = question.known + RIDGE * back.T @ back
+    precision: Precision = np.float32 if question.slots + len(question.fixed) > len(basis) else np.float64
+    return swaps_of(question.criterion, question.taken(ids), known, question.zone, basis, precision)
+
+
+def _pool(question: Task, closeness: Float[np.ndarray, " candidates"], many: int) -> Int[np.ndarray, " pool"]:
+    """The rows that the relaxation uses or nearly uses, and the empty ones."""
+    real = question.free < len(question.rows)
+    free = question.free[real]
+    if len(free) > many:
+        free = free[np.argpartition(-closeness[free], many)[:many]]
+    return np.concatenate([np.sort(free), question.free[~real]])
+
+
+def _searched(
+    question: Task,
+    closeness: np.ndarray,
+    basis: np.ndarray,
+    size: int,
+    rng: np.random.Generator,
+    progress: Callable[[int], float],
+    begin: Members,
+) -> tuple[list[Members], int]:
+    """The best sets of a search in a pool, from a beginning of a set; in a larger one where the rules leave none."""
+    many = max(5 * question.slots, int(np.clip(_close(question, closeness), *POOL)))
+    while True:
+        ids = np.union1d(_pool(question, closeness, many), begin)
+        pool = Pool(_swaps(question, basis, ids), question.rules.take(ids), question.slots)
+        sets, searches = evolve(pool, size, rng, progress, np.searchsorted(ids, begin))
+        if sets:
+            return [ids[one.members] for one in sets[:FINAL]], searches
+        if many >= len(question.free):
+            raise ValueError(
+                f"rules: found no set of {question.slots} touches that keeps quotas, distance and budget; loosen one"
+            )
+        many *= 8
+
+
+def _polished(question: Task, basis: np.ndarray, ids: Members) -> Found:
+    """The set after swaps with every candidate, until no single one helps."""
+    best: Found | None = None
+    for _ in range(PASSES):
+        newcomers = _newcomers(question, basis, ids)
+        local = np.concatenate([ids, newcomers])
+        pool = Pool(_swaps(question, basis, local), question.rules.take(local), len(ids))
+        found = pool.descend(np.arange(len(ids)))
+        found = Found(np.sort(local[found.members]), found.log)
+        if best is not None and found.log <= best.log + 1e-12:
+            return best
+        best, ids = found, found.members
+        if not len(newcomers):
+            break
+    assert best is not None
+    return best
+
+
+def _newcomers(question: Task, basis: np.ndarray, ids: Members) -> Int[np.ndarray, " some"]:
+    """The candidates that, for some touch, are the best to take its place."""
+    everyone = question.free if question.rules.repeats else np.setdiff1d(question.free, ids)
+    if not len(everyone):
+        return everyone
+    n, seats = len(ids), np.arange(len(ids))
+    best, who = np.full(n, -np.inf), np.full(n, -1)
+    for block in blocks(len(everyone), CHUNK):
+        local = np.concatenate([ids, everyone[block]])
+        swaps = _swaps(question, basis, local)
+        swaps.load(seats)
+        table = swaps.table()
+        question.rules.take(local).forbid(table, seats)
+        top = table[:, n:].argmax(axis=1)
+        value = table[seats, n + top]
+        better = value > best
+        best[better], who[better] = value[better], everyone[block][top[better]]
+    return np.unique(who[best > swaps.still])

@@ -1,0 +1,195 @@
+"""What an exact design is asked for: checked, and in the terms of the search."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from oed.criteria.criteria import Criterion, checked_zone, criterion_named
+from oed.design.constraints import Members, Rules
+from oed.design.matrix import checked, checked_prior, information
+from oed.design.relaxation import ApproximateDesign, approximate_design
+
+FAR = 1e9  # where empty rows are, distant from every touch
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Rows to choose from, what is known beside them, and the rules; rows past the candidates are empty.
+
+    A budget of time instead of a number fills as many slots as could ever fit, with empty rows where it is used up.
+    """
+
+    rows: Float[np.ndarray, "candidates parameters"]
+    criterion: Criterion
+    zone: np.ndarray | None
+    fixed: Members  # touches that are in already
+    known: Float[np.ndarray, "parameters parameters"]  # information of the fixed touches and the prior
+    rules: Rules  # for the candidates, then as many empty rows as there are slots
+    slots: int  # touches to choose beside the fixed ones
+    free: Int[np.ndarray, " free"]  # rows that may be chosen
+
+    def relaxed(self, repeats: bool) -> ApproximateDesign:
+        """Best weights under the rules that weights can keep: number or budget, repeats, quotas."""
+        relax = partial(approximate_design, criterion=self.criterion.name, prior=self.known, zone=self.zone)
+        rules, real = self.rules, len(self.rows)
+        if rules.cost is not None:
+            share = rules.cost[:real] / rules.budget
+            return relax(self.rows / np.sqrt(share)[:, None], cap=None if repeats else share)
+        cap = None if repeats else 1 / self.slots
+        quotas = None
+        if rules.low is not None and rules.high is not None and rules.face is not None:
+            limits = np.stack([rules.low, np.minimum(rules.high, self.slots)], axis=1) / self.slots
+            quotas = {f: (float(low), float(high)) for f, (low, high) in enumerate(limits[:-1])}
+        face = None if rules.face is None else rules.face[:real]
+        return relax(self.rows, touches=self.slots, cap=cap, face=face, quotas=quotas)
+
+    def taken(self, ids: Int[np.ndarray, " some"]) -> Float[np.ndarray, "some parameters"]:
+        """Rows, zero for the empty ones."""
+        X = np.zeros((len(ids), self.rows.shape[1]))
+        real = ids < len(self.rows)
+        X[real] = self.rows[ids[real]]
+        return X
+
+
+def task(
+    rows: np.ndarray,
+    n: int | None,
+    criterion: str,
+    *,
+    prior: np.ndarray | None,
+    zone: np.ndarray | None,
+    fixed: np.ndarray | None,
+    face: np.ndarray | None,
+    quotas: Mapping[Any, tuple[int, int]] | None,
+    positions: np.ndarray | None,
+    min_distance: float,
+    repeats: bool,
+    cost: np.ndarray | None,
+    budget: float | None,
+) -> Task:
+    """The question, after every check that can be made before the search."""
+    rows, chosen = checked(rows), criterion_named(criterion)
+    count, p = rows.shape
+    if chosen.needs_zone:
+        checked_zone(chosen, zone, p)
+    taken = _indices(fixed, count)
+    known = checked_prior(prior, p) + information(rows[taken])
+    if (cost is None) != (budget is None) or (n is None and budget is None):
+        raise ValueError("n: give a number of touches, or both `cost` and `budget`")
+    cost = None if cost is None else _checked_cost(cost, count)
+    room = np.inf if cost is None or budget is None else float(budget) - float(cost[taken].sum())
+    slots = _slots(n, len(taken), count if repeats else count - len(np.unique(taken)), repeats, cost, room)
+    rank = int(np.linalg.matrix_rank(known, hermitian=True))
+    if slots + rank < p:
+        raise ValueError(
+            f"n: {slots} touches beside what is known determine at most {slots + rank} of {p} parameters; "
+            f"ask for {p - rank - slots} more, or give a prior"
+        )
+    rules = Rules(
+        size=count + slots, repeats=repeats, distance=float(min_distance), budget=room,
+        cost=None if cost is None else np.concatenate([cost, np.zeros(slots)]),
+        position=_places(positions, min_distance, count, slots), **_quotas(face, quotas, taken, count, slots, repeats),
+    )  # fmt: skip
+    free = np.ones(count + slots, bool)
+    if not repeats:
+        free[taken] = False
+    if rules.position is not None and len(taken):
+        free &= ~rules.near(taken).any(axis=0)
+    if cost is None:
+        free[count:] = False
+    return Task(rows, chosen, zone, taken, known, rules, slots, np.flatnonzero(free))
+
+
+def _indices(fixed: np.ndarray | None, count: int) -> Members:
+    """Touches that are in already."""
+    taken = np.zeros(0, int) if fixed is None else np.asarray(fixed)
+    if taken.ndim != 1 or (len(taken) and not np.issubdtype(taken.dtype, np.integer)):
+        raise ValueError("fixed: expected a list of indices of rows")
+    if len(taken) and (taken.min() < 0 or taken.max() >= count):
+        raise ValueError(
+            f"fixed: index {taken.max() if taken.max() >= count else taken.min()} is outside 0 ... {count - 1}"
+        )
+    return taken.astype(int)
+
+
+def _checked_cost(cost: np.ndarray, count: int) -> Float[np.ndarray, " candidates"]:
+    """Costs as positive numbers, one a candidate."""
+    cost = np.asarray(cost, dtype=float)
+    if cost.shape != (count,) or not (np.isfinite(cost).all() and (cost > 0).all()):
+        raise ValueError(f"cost: expected one positive number for each of the {count} candidates")
+    return cost
+
+
+def _slots(n: int | None, taken: int, free: int, repeats: bool, cost: np.ndarray | None, room: float) -> int:
+    """How many touches there are to choose."""
+    if n is not None and n != int(n):
+        raise ValueError(f"n: {n:g}, expected a whole number of touches")
+    slots = free if n is None else int(n) - taken
+    if n is not None and slots < 1:
+        raise ValueError(f"n: {n} touches of which {taken} are fixed leave none to choose; ask for more")
+    if not repeats and slots > free:
+        raise ValueError(
+            f"n: {slots} touches to choose and only {free} candidates left; add candidates, or allow repeats"
+        )
+    if cost is None:
+        return slots
+    cheap = int(room / cost.min()) if repeats else int((np.cumsum(np.sort(cost)) <= room * (1 + 1e-12)).sum())
+    if cheap < 1:
+        raise ValueError(f"budget: {room:.6g} is left, and the cheapest touch costs {cost.min():.6g}; raise the budget")
+    return cheap if n is None else min(slots, cheap)
+
+
+def _places(
+    positions: np.ndarray | None, distance: float, count: int, slots: int
+) -> Float[np.ndarray, "candidates axes"] | None:
+    """Positions of the candidates, then of the empty rows; None where no distance is asked for."""
+    if distance <= 0:
+        return None
+    where = np.asarray(positions if positions is not None else [], dtype=float)
+    if where.ndim != 2 or len(where) != count or not np.isfinite(where).all():
+        raise ValueError(f"min_distance: it needs `positions`, one finite row for each of the {count} candidates")
+    empty = np.zeros((slots, where.shape[1]))
+    empty[:, 0] = FAR * np.arange(1, slots + 1)
+    return np.concatenate([where, empty])
+
+
+def _quotas(
+    face: np.ndarray | None,
+    quotas: Mapping[Any, tuple[int, int]] | None,
+    taken: Members,
+    count: int,
+    slots: int,
+    repeats: bool,
+) -> dict[str, np.ndarray]:
+    """Face of each row, and how many touches each face must and may still get; the last face is that of empty rows."""
+    if not quotas:
+        return {}
+    if face is None or np.shape(face) != (count,):
+        raise ValueError(f"quotas: they need `face`, the face of each of the {count} candidates")
+    names, group = np.unique(np.asarray(face), return_inverse=True)
+    missing = [name for name, (low, _) in quotas.items() if low > 0 and name not in names.tolist()]
+    if missing:
+        raise ValueError(f"quota of face {missing[0]}: no candidate lies on it")
+    limits = np.array([quotas.get(name, (0, slots + len(taken))) for name in names.tolist()], dtype=int).reshape(-1, 2)
+    done = np.bincount(group[taken], minlength=len(names))
+    low, high = np.maximum(limits[:, 0] - done, 0), limits[:, 1] - done
+    has = np.full(len(names), count) if repeats else np.bincount(group, minlength=len(names)) - done
+    for name, least, most, room in zip(names, low, high, has, strict=True):
+        if most < least:
+            raise ValueError(f"quota of face {name}: it takes {most} more touches and needs {least}; loosen it")
+        if room < least:
+            raise ValueError(f"quota of face {name}: it has {room} candidates and needs {least}; add candidates")
+    high = np.minimum(high, has)
+    if low.sum() > slots or np.minimum(high, slots).sum() < slots:
+        raise ValueError(
+            f"quotas: the faces need {low.sum()} touches and take {high.sum()}, {slots} are to be chosen; loosen one"
+        )
+    return {
+        "face": np.concatenate([group, np.full(slots, len(names))]),
+        "low": np.append(low, 0),
+        "high": np.append(np.minimum(high, slots), slots),
+    }

@@ -1,0 +1,75 @@
+"""Swaps judged by several robots at once: sets that suit all that a robot may be, not only the most likely one."""
+
+from collections.abc import Sequence
+from copy import copy
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from oed.design.constraints import Members
+from oed.design.swaps import Square, Swaps, Table
+
+
+class RobustSwaps(Swaps):
+    """The mean of a criterion's logarithm over robots, or with `worst` the least; each has rows of the same touches."""
+
+    def __init__(self, robots: Sequence[Swaps], worst: bool = False):
+        self.robots, self.worst = list(robots), worst
+        super().__init__(robots[0].rows, robots[0].known)
+
+    def among(self, index: Int[np.ndarray, " some"]) -> Self:
+        """The same for some of the rows."""
+        other = copy(self)
+        other.robots = [robot.among(index) for robot in self.robots]
+        other._hold(self.rows[index])
+        return other
+
+    def _together(self, numbers: Sequence[np.ndarray]) -> np.ndarray:
+        stacked = np.stack(numbers)
+        return stacked.min(axis=0) if self.worst else stacked.mean(axis=0)
+
+    def log(self, members: Members) -> float:
+        """Mean or least of the logarithms."""
+        return float(self._together([np.array(robot.log(members)) for robot in self.robots]))
+
+    def weight(self, M: Square) -> Square | None:
+        """That of the first robot."""
+        return self.robots[0].weight(M)
+
+    def gains(self, members: Members) -> Float[np.ndarray, " pool"]:
+        """Mean gain: the least one would be of robots that are well off already."""
+        return np.mean([robot.gains(members) for robot in self.robots], axis=0)
+
+    def losses(self, members: Members) -> Float[np.ndarray, " touches"]:
+        """Mean loss."""
+        return np.mean([robot.losses(members) for robot in self.robots], axis=0)
+
+    def load(self, members: Members) -> None:
+        """Make a set the present one, of every robot."""
+        super().load(members)
+        for robot in self.robots:
+            robot.load(members)
+        self.logs = [robot.log(self.members) for robot in self.robots]
+
+    def swap(self, a: int, j: int) -> None:
+        """The same swap for every robot."""
+        self.members[a] = j
+        for robot in self.robots:
+            robot.swap(a, j)
+        self.logs = [robot.log(self.members) for robot in self.robots]
+
+    def table(self) -> Table:
+        """By how much the logarithm grows."""
+        now = float(self._together([np.array(log) for log in self.logs]))
+        after = [robot.growth(robot.table()) + log for robot, log in zip(self.robots, self.logs, strict=True)]
+        return self._together(after) - now
+
+    def growth(self, table: Table) -> Table:
+        """The table itself."""
+        return table
+
+    def best(self, table: Table) -> tuple[int, int, float]:
+        """The best swap, and the factor by which the criterion grows."""
+        a, j = divmod(int(table.argmax()), table.shape[1])
+        return a, j, float(np.exp(table[a, j]))

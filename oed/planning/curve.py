@@ -1,0 +1,69 @@
+"""How accurate more or fewer touches would make the robot: the curve, its floor, the smallest number for a target."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from identify.model.io.files import InputError
+from oed.candidates.candidates import Candidates
+from oed.planning.candidate_set import Offer
+
+MOST = 1000  # touches that a target may ask for: three hours
+STEPS = (0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0)  # of the curve, times the number planned
+
+
+def curve(offered: Offer, touches: Candidates, least: int) -> tuple[tuple[int, float], ...]:
+    """Numbers of touches like these, and the 95 % tip error [mm] to expect of each in the zone."""
+    n = len(touches)
+    counts = sorted({round(step * n) for step in STEPS if round(step * n) >= least} | {n})
+    return tuple((m, offered.promise(touches, m / n).p95_mm) for m in counts)
+
+
+def smallest(offered: Offer, target: float, least: int, choose: Callable[[int], Candidates]) -> int:
+    """The smallest number of touches whose expected 95 % tip error in the zone is below `target` [mm].
+
+    `choose` makes a set of so many touches. Raises InputError where no number does it, with the floor.
+    """
+    first = choose(min(2 * least, len(offered.found)))
+    _possible(offered, target, first)
+    high, low = _guess(offered, first, target, least), least - 1
+    while not _meets(offered, choose(high), target):
+        low = high
+        if low >= MOST:
+            raise InputError(
+                f"target {target:g} mm: even {MOST} touches promise no better than "
+                f"{offered.promise(choose(MOST)).p95_mm:.3f} mm (95 %); raise the target, or touch more exactly"
+            )
+        high = min(max(high + 1, round(1.1 * high)), MOST)
+    while high - low > 1:
+        middle = max(low + 1, min(high - 1, round(0.9 * high) if low < least else (low + high) // 2))
+        if _meets(offered, choose(middle), target):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def _meets(offered: Offer, touches: Candidates, target: float) -> bool:
+    return offered.promise(touches).p95_mm <= target
+
+
+def _possible(offered: Offer, target: float, touches: Candidates) -> None:
+    """Raise InputError where even infinitely many touches would leave more than the target."""
+    floor = offered.promise(touches, np.inf).p95_mm
+    if target <= floor:
+        tolerance = max(face.tolerance for face in touches.faces)
+        raise InputError(
+            f"target {target:g} mm: no number of touches can promise it. The faces of the jig stand where they should "
+            f"to {tolerance:g} mm (1 sigma), and that alone leaves {floor:.3f} mm (95 %) in the zone; use a more exact "
+            "jig, or one with more faces"
+        )
+
+
+def _guess(offered: Offer, touches: Candidates, target: float, least: int) -> int:
+    """The number at which touches like these would meet the target."""
+    n, low, high = len(touches), least, MOST
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if offered.promise(touches, middle / n).p95_mm <= target else (middle + 1, high)
+    return low

@@ -1,0 +1,168 @@
+"""Plan touches: the set that tells the most about the robot where it matters, and what to expect of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from identify.model.cell import Cell
+from identify.model.identifiability import structure
+from identify.model.io.calibration_file import Calibration
+from identify.model.io.files import InputError, nearest
+from identify.model.touch import Plan
+from identify.uncertainty.information import touch_sigma
+from identify.uncertainty.promise import Promise
+from identify.uncertainty.weak_directions import limiting, unseen
+from oed.criteria.criteria import CRITERIA, score
+from oed.planning.candidate_set import offer, plan_of
+from oed.planning.curve import curve, smallest
+from oed.planning.strategies import STRATEGIES, Choice, Setting
+from probe.motion.roadmap import with_via
+from probe.motion.tour import Order, minutes
+
+CRITERION = "V"
+COUNT = 20_000  # touches on offer: more are worth a percent each time that their number doubles
+MANIFOLD = "all touches of the faces, clear of the jig or not, as far as polishing the best of these finds better ones"
+Progress = Callable[[str, float], None]  # what is being done, and how much of the whole is done (0 ... 1)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """A plan, and what it promises."""
+
+    plan: Plan
+    strategy: str
+    criterion: str
+    indices: dict[str, float]  # every criterion of the table, of these touches alone
+    efficiency: float | None  # against the bound on what `efficiency_covers`; None where there is no bound
+    efficiency_covers: str  # candidates: the touches on offer that clear ways join, of which there are
+    joined: int
+    offered: int  # touches on offer
+    manifold: float | None  # efficiency against all touches that there are, as far as they were looked for
+    promise: Promise
+    curve: tuple[tuple[int, float], ...]  # numbers of touches, and the 95 % tip error in the zone to expect [mm]
+    minutes: float
+    unseen: tuple[str, ...]  # sentences: what these touches cannot see, and what to add
+    notes: tuple[str, ...]  # sentences: faces not reached, ways not clear, what limits the accuracy
+
+    def __len__(self) -> int:
+        return len(self.plan)
+
+
+def plan(
+    cell: Cell,
+    n: int | None = None,
+    criterion: str = CRITERION,
+    strategy: str = "optimal",
+    rng: np.random.Generator | None = None,
+    *,
+    target: float | None = None,
+    after: Calibration | None = None,
+    robust: int = 0,
+    worst: bool = False,
+    lifting: bool = True,
+    count: int = COUNT,
+    progress: Progress | None = None,
+) -> PlanResult:
+    """Choose touches of the jig: `n` of them (50), or as few as bring the tip error in the zone below `target`.
+
+    `target` is the 95 % error [mm]. To what an earlier calibration knows (`after`), new touches are added. With
+    `robust` robots drawn from what is known, touches are judged by the mean over them, or with `worst` by the least.
+    Without `lifting` all ways between touches are straight. `count` touches are on offer. The same `rng` gives the
+    same plan. Raises InputError where no plan can be made.
+    """
+    rng = np.random.default_rng(0) if rng is None else rng
+    say = progress or (lambda what, share: None)
+    _check(n, target, criterion, strategy)
+    least = structure(cell).rank if after is None else 1
+    if n is not None:
+        _enough(cell, n, least)
+    say("finding touches that can be made", 0.0)
+    offered = offer(
+        cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting,
+        built=CRITERIA[criterion].needs_zone,
+    )  # fmt: skip
+    setting = Setting(offered, criterion, strategy, rng, robust, worst)
+    if target is not None:
+        say("looking for the number of touches", 0.3)
+        n = smallest(offered, target, least, setting.quickly)
+    n = 50 if n is None else n
+    if n > len(offered.found):
+        raise InputError(f"{n} touches are asked for, and only {len(offered.found)} were found that can be made")
+    choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
+    say("done", 1.0)
+    return _result(setting, choice, least)
+
+
+def summary(result: PlanResult) -> dict[str, Any]:
+    """What `touchcal plan --json` says."""
+    return {
+        "touches": len(result.plan),
+        "criterion": result.criterion,
+        "strategy": result.strategy,
+        "indices": dict(result.indices),
+        "efficiency": result.efficiency,
+        "efficiency_covers": result.efficiency_covers,
+        "candidates": {"offered": result.offered, "joined": result.joined},
+        "manifold": result.manifold,
+        "manifold_covers": MANIFOLD,
+        "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
+        "curve": [{"touches": m, "p95_mm": error} for m, error in result.curve],
+        "minutes": result.minutes,
+        "unseen": list(result.unseen),
+        "notes": list(result.notes),
+    }
+
+
+def _check(n: int | None, target: float | None, criterion: str, strategy: str) -> None:
+    """Raise InputError where the words are not known or say two things at once."""
+    for word, value, known in (("criterion", criterion, CRITERIA), ("strategy", strategy, STRATEGIES)):
+        if value not in known:
+            raise InputError(f"{word} '{value}' is not known{nearest(value, known)}; choose one of {', '.join(known)}")
+    if n is not None and target is not None:
+        raise InputError("a number of touches and a target are given; give one, the other follows from it")
+    if target is not None and not target > 0:
+        raise InputError(f"target {target:g} mm: write the 95 % tip error in the zone that is wanted, above 0")
+
+
+def _enough(cell: Cell, n: int, least: int) -> None:
+    """Raise InputError where n touches can never determine the parameters."""
+    if n < 1:
+        raise InputError(f"{n} touches are asked for, expected a number above 0")
+    if n < least:
+        raise InputError(
+            f"{n} touches cannot determine the {least} identifiable parameters of robot "
+            f"'{cell.robot.name}'; plan at least {least}, better {2 * least}"
+        )
+
+
+def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
+    """What a chosen set promises."""
+    offered, touches = setting.offered, choice.touches
+    known = offered.drawing or offered.known
+    made = with_via(plan_of(touches), choice.order.via)
+    sigma, way = touch_sigma(known.cell, touches.names()), touches.approach
+    rows = known.rows(touches.q, touches.normal, sigma, approach=way)
+    tip = known.tip_rows(offered.zone)
+    pool = known.rows(offered.found.q, offered.found.normal, offered.sigma, approach=offered.found.approach)
+    chosen_by = offered.known
+    left = chosen_by.covariance(chosen_by.rows(touches.q, touches.normal, sigma, approach=way))
+    return PlanResult(
+        plan=made, strategy=setting.strategy, criterion=setting.criterion,
+        indices={name: float(score(name, rows.T @ rows, len(rows), tip)) for name in CRITERIA},
+        efficiency=choice.efficiency, efficiency_covers="candidates", joined=choice.joined,
+        offered=len(offered.found), manifold=choice.manifold,
+        promise=offered.promise(touches), curve=curve(offered, touches, least),
+        minutes=minutes(known.cell, made, offered.off(touches)),
+        unseen=unseen(known, pool, rows, offered.zone),
+        notes=(*offered.found.notes, *_blocked(made, choice.order), limiting(chosen_by, left, offered.zone)),
+    )  # fmt: skip
+
+
+def _blocked(made: Plan, order: Order) -> tuple[str, ...]:
+    return tuple(
+        f"the straight way from touch {made.ids[i]} to touch {made.ids[i + 1]} is not clear of the jig; "
+        "drive around it by hand, or plan with another number of touches"
+        for i in order.blocked
+    )

@@ -1,0 +1,191 @@
+"""Choose touches from an offer: the best of them that the robot can also visit one after the other."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from oed.criteria.criteria import CRITERIA
+from oed.design.constraints import Rules
+from oed.design.exact import exact_design, swaps_of
+from oed.design.memetic import Pool
+from oed.design.relaxation import ApproximateDesign, approximate_design
+from oed.design.robust import RobustSwaps
+from oed.planning.candidate_set import Offer
+from oed.refinement.coordinate import APART
+from probe.motion.edges import COARSE, astray, like
+from probe.motion.tour import Order
+
+GAP = 3e-3  # of the relaxation: its bound holds at any gap
+FEW = 6  # local searches, where touches are chosen again and again
+USED = 60  # touches of the relaxation that are asked whether clear ways join them
+POOL = 1500  # touches that an exchange for several robots looks at
+TRIES = 4  # of choosing again where the chosen cannot be visited
+MENDS = 6  # of replacing what cannot be visited
+LOOKS = 30  # at touches that tell nearly the same
+NEIGHBOURS = 4  # clear ways to others that make a touch likely to find its place in an order
+
+Pick = Callable[[Bool[np.ndarray, " touches"], Int[np.ndarray, " n"] | None], Int[np.ndarray, " n"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """Touches on offer that can be visited one after the other."""
+
+    order: Order  # its index counts through the offer
+    allowed: Bool[np.ndarray, " touches"]  # of the offer: those that do not lead to blocked ways, as far as was seen
+
+
+def visited(
+    offered: Offer, pick: Pick, rng: np.random.Generator, allowed: Bool[np.ndarray, " touches"] | None = None
+) -> Visit:
+    """Touches that `pick` chooses among those allowed, until they can be visited on clear ways.
+
+    What leads to blocked ways is given up, with all that is more like it than like what stays; after some tries, it is
+    put in the place of what is given up that tells nearly the same and can be visited. The best try is returned where
+    none is free of blocked ways.
+    """
+    cell, at = offered.known.cell, offered.found.approach
+    allowed = np.ones(len(at), dtype=bool) if allowed is None else allowed
+    chosen, best = pick(allowed, None), None
+    for attempt in range(TRIES + MENDS):
+        found, clear = offered.visit(offered.found.take(chosen), rng, kicks=0)
+        if best is None or len(found.blocked) < len(best.order.blocked):
+            best = Visit(replace(found, index=chosen[found.index]), allowed)
+        if not found.blocked:
+            break
+        bad = astray(clear, np.array([found.index[[i, i + 1]] for i in found.blocked]))
+        good = np.setdiff1d(np.arange(len(chosen)), bad)
+        fewer = allowed & ~like(cell, at, at[chosen[bad]], at[chosen[good]])
+        if fewer.sum() < len(chosen):
+            break
+        allowed = fewer
+        chosen = pick(allowed, chosen) if attempt < TRIES else _mended(offered, chosen, bad, allowed)
+    assert best is not None
+    return best
+
+
+def linked(best: "Best") -> Bool[np.ndarray, " touches"]:
+    """The touches on offer without those that no clear way seems to join to most of what the relaxation uses."""
+    offered, n = best.offered, best.n
+    cell, at, allowed = offered.known.cell, offered.found.approach, np.ones(len(offered.found), dtype=bool)
+    for _ in range(TRIES):
+        weights = best.bound(allowed).weights
+        some = np.argsort(-weights, kind="stable")[:USED]
+        used = np.flatnonzero(allowed)[some]
+        group = offered.groups(offered.found.take(used))
+        main = group == np.argmax(np.bincount(group, weights[some]))
+        fewer = allowed & ~like(cell, at, at[used[~main]], at[used[main]])
+        if main.all() or fewer.sum() < n:
+            break
+        allowed = fewer
+    return allowed
+
+
+def _mended(
+    offered: Offer,
+    chosen: Int[np.ndarray, " n"],
+    bad: Int[np.ndarray, " some"],
+    allowed: Bool[np.ndarray, " touches"],
+) -> Int[np.ndarray, " n"]:
+    """The touches with those that lead astray replaced by others that tell nearly the same and have clear ways."""
+    at, F = offered.found.approach, offered.rows
+    kept = np.delete(chosen, bad)
+    F = F @ np.linalg.cholesky(offered.known.covariance(F[chosen]))  # so that distances mean information
+    for i in chosen[bad]:
+        distance = np.minimum(((F - F[i]) ** 2).sum(axis=1), ((F + F[i]) ** 2).sum(axis=1))
+        distance[~allowed] = np.inf
+        distance[kept] = np.inf
+        near = np.argsort(distance, kind="stable")[:LOOKS]
+        pairs = np.array([[a, b] for a in near for b in kept])
+        clear = offered.ways.clear(at[pairs[:, 0]], at[pairs[:, 1]], COARSE).reshape(len(near), len(kept)).sum(axis=1)
+        kept = np.append(kept, near[int(np.argmax(clear >= min(NEIGHBOURS, clear.max())))])
+    return kept
+
+
+@dataclass(frozen=True, eq=False)
+class Best:
+    """Choose what is best by a criterion: searched for among what the relaxation nearly uses, then among all.
+
+    `tip` says how what is to be exact moves with the parameters, the tip in the weld zone if not given; `searches` are
+    local ones, fewer where touches have to be chosen again.
+    """
+
+    offered: Offer
+    n: int
+    criterion: str
+    tip: Float[np.ndarray, "poses 3 kept"] | None = None
+    searches: int = FEW
+
+    def __call__(
+        self, allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None
+    ) -> Int[np.ndarray, " n"]:
+        """N of those allowed; `before` are touches to begin with, as far as they are."""
+        some = np.flatnonzero(allowed)
+        if before is None and CRITERIA[self.criterion].bound is None:  # swaps alone would stick far from the best
+            before = replace(self, criterion="E")(allowed, None)
+        start = None if before is None else np.searchsorted(some, np.intersect1d(before, some))
+        searches = self.searches if before is None else min(self.searches, FEW)
+        found = exact_design(
+            self.offered.rows[some], self.n, self.criterion, relaxation=self.bound(allowed), start=start,
+            iterations=searches, prior=self.offered.known.precision, zone=self._zone,
+            positions=_places(self.offered)[some], min_distance=1.0,
+        )  # fmt: skip
+        return some[found.indices]
+
+    def bound(self, allowed: Bool[np.ndarray, " touches"]) -> ApproximateDesign:
+        """The best weights on touches, and the bound that they give."""
+        name = allowed.tobytes()
+        if name not in self._bounds:
+            self._bounds[name] = approximate_design(
+                self.offered.rows[allowed], self.criterion, GAP, touches=self.n, prior=self.offered.known.precision,
+                zone=self._zone,
+            )  # fmt: skip
+        return self._bounds[name]
+
+    @cached_property
+    def _bounds(self) -> dict[bytes, ApproximateDesign]:
+        """By the touches that are allowed."""
+        return {}
+
+    @cached_property
+    def _zone(self) -> Float[np.ndarray, "poses 3 kept"] | None:
+        if not CRITERIA[self.criterion].needs_zone:
+            return None
+        return self.offered.tip if self.tip is None else self.tip
+
+
+def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool) -> Pick:
+    """Choose what is best over several robots: by the mean of the criterion over them, or with `worst` by the least.
+
+    The search begins with what is best for the first robot.
+    """
+    alone = Best(offered, n, criterion)
+    chosen, needs_zone = CRITERIA[criterion], CRITERIA[criterion].needs_zone
+    robots = [
+        swaps_of(
+            chosen, offered.rows_at(theta), offered.known.precision,
+            offered.known.tip_rows(offered.zone, theta) if needs_zone else None,
+        )
+        for theta in models
+    ]  # fmt: skip
+    rules = Rules(len(offered.found), position=_places(offered), distance=1.0)
+
+    def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
+        start = alone(allowed, before)
+        gains = np.where(allowed, RobustSwaps(robots).gains(start), -np.inf)
+        pool = np.union1d(start, np.argsort(-gains, kind="stable")[: min(POOL, int(allowed.sum()))])
+        few = [robot.among(pool) for robot in robots]
+        for least in (False, True) if worst else (False,):  # the mean leads past sets where the least sticks
+            members = np.searchsorted(pool, start)
+            start = pool[Pool(RobustSwaps(few, least), rules.take(pool), n).descend(members).members]
+        return start
+
+    return pick
+
+
+def _places(offered: Offer) -> Float[np.ndarray, "touches axes"]:
+    """Places of touches in units in which replicates are closer than 1."""
+    return np.hstack([offered.found.point / APART[0], offered.found.q / APART[1]])

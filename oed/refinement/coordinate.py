@@ -1,0 +1,221 @@
+"""Move chosen touches continuously over their faces, postures and rolls, with Ipopt, one by one and then all at once.
+
+A touch moved alone changes the information by a rank-one update, so what it adds is a ratio of two quadratic forms of
+its row f: log det grows by log(1 + f'Cf), tr(B C) falls by f'CBCf / (1 + f'Cf), with C the covariance of all others.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.ik import reach
+from identify.uncertainty.information import Knowledge, touch_sigma
+from oed.candidates.candidates import COLUMNS, Candidates
+from oed.candidates.feasibility import Judge, Verdict
+from oed.criteria.aim import Aim
+from oed.refinement.nlp import OPTIONS, Program
+from oed.refinement.simultaneous import Joint
+
+SHARES = np.array([1.0, 0.6, 0.3, 0.1])  # of a move, tried in turn where the whole of it cannot be made
+APART = 5.0, np.radians(3.0)  # [mm] and [rad]: touches nearer than both would be the same touch again
+ENOUGH = 2e-3  # of the criterion's logarithm that a sweep has to gain for another to follow
+Value = Callable[[Float[np.ndarray, "touches kept"]], float]  # of a set of rows; the larger the better
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """The nonlinear program of one touch: the posture on a face that adds most to what all others tell."""
+
+    known: Knowledge
+    judge: Judge
+
+    @cached_property
+    def program(self) -> Program:
+        """The touch in symbols."""
+        return Program(self.known, self.judge.margins)
+
+    @cached_property
+    def solver(self) -> ca.Function:
+        """Ipopt on max f'Wf / (1 + f'Cf), exact second derivatives, compiled once for all touches and faces."""
+        f, k = self.program.row, len(self.known.names)
+        C, W = ca.SX.sym("C", k, k), ca.SX.sym("W", k, k)
+        gain = ca.dot(f, W @ f) / (1 + ca.dot(f, C @ f))
+        p = ca.vertcat(self.program.p, ca.vec(C), ca.vec(W))
+        problem = {"x": self.program.x, "p": p, "f": -gain, "g": self.program.constraints}
+        return ca.nlpsol("refine", "ipopt", problem, OPTIONS)
+
+    def best(
+        self,
+        touches: Candidates,
+        C: Float[np.ndarray, "touches kept kept"],
+        W: Float[np.ndarray, "touches kept kept"],
+        progress: Callable[[float], None] | None = None,
+    ) -> Float[np.ndarray, "touches joints"]:
+        """Where Ipopt would have touches, each alone, within joint limits, tilt and the inset of its face."""
+        at, out = self.program.numbers(touches), touches.q.copy()
+        for i in range(len(touches)):
+            found = self.solver(
+                x0=at.x[i], p=np.concatenate([at.p[i], C[i].ravel(), (W[i] / _size(W[i])).ravel()]),
+                lbx=at.x_limits[0, i], ubx=at.x_limits[1, i], lbg=at.g_limits[0, i], ubg=at.g_limits[1, i],
+            )  # fmt: skip
+            out[i] = np.array(found["x"]).ravel()[: out.shape[1]]
+            if progress:
+                progress((i + 1) / len(touches))
+        return out
+
+    def ways(
+        self, touches: Candidates, q: Float[np.ndarray, "touches joints"]
+    ) -> tuple[Candidates, Int[np.ndarray, " trials"]]:
+        """Touches on the way from each one to a posture, the farthest first, that can be made; and from which one."""
+        owner = np.repeat(np.arange(len(touches)), len(SHARES))
+        asked = (touches.q[:, None] + SHARES[:, None] * (q - touches.q)[:, None]).reshape(len(owner), -1)
+        face = touches.face[owner]
+        q, landed = self._landed(face, asked)
+        approach, verdict = self.judge.touch(face, q)
+        p, R = self.known.cell.kinematics.tip(q, self.known.theta)
+        normal = touches.normal[owner]
+        lean = -(R[:, :, 2] * normal).sum(axis=1)
+        trials = replace(
+            touches, face=face, point=self._foot(face, p), normal=normal, tilt=np.arccos(np.clip(lean, -1, 1)), q=q,
+            approach=approach,
+        )  # fmt: skip
+        fine = landed & (verdict == Verdict.FINE) & self._inset(trials)
+        return trials.take(fine), owner[fine]
+
+    def _landed(
+        self, face: Int[np.ndarray, " trials"], q: Float[np.ndarray, "trials joints"]
+    ) -> tuple[Float[np.ndarray, "trials joints"], Bool[np.ndarray, " trials"]]:
+        """Postures brought into contact along the normal, the wire's direction and its turn kept; and which were."""
+        p, R = self.known.cell.kinematics.tip(q, self.known.theta)
+        normal = self._normal[face]
+        to = self._foot(face, p) + self._extent(face, R)[:, None] * normal
+        found = reach(
+            self.known.cell.kinematics, self.known.theta, to, R, q, free_roll=q.shape[1] == 5,
+            free_orientation=q.shape[1] < 5,
+        )  # fmt: skip
+        return found.q, found.reached()
+
+    @cached_property
+    def _normal(self) -> Float[np.ndarray, "faces 3"]:
+        assert self.known.cell.jig is not None
+        return np.stack([face.normal for face in self.known.cell.jig.faces])
+
+    @cached_property
+    def _offset(self) -> Float[np.ndarray, " faces"]:
+        assert self.known.cell.jig is not None
+        return np.array([face.offset for face in self.known.cell.jig.faces])
+
+    def _foot(
+        self, face: Int[np.ndarray, " trials"], p: Float[np.ndarray, "trials 3"]
+    ) -> Float[np.ndarray, "trials 3"]:
+        """Points dropped on the planes of faces."""
+        normal = self._normal[face]
+        return p - ((p * normal).sum(axis=1) - self._offset[face])[:, None] * normal
+
+    def _extent(
+        self, face: Int[np.ndarray, " trials"], R: Float[np.ndarray, "trials 3 3"]
+    ) -> Float[np.ndarray, " trials"]:
+        """How far the middle of the wire's end stays off its face [mm]."""
+        wire = self.known.cell.wire
+        lean = (R[:, :, 2] * self._normal[face]).sum(axis=1)
+        return np.asarray(wire.ball + wire.flat * np.sqrt(np.maximum(1 - lean**2, 0.0)))
+
+    def _inset(self, trials: Candidates) -> Bool[np.ndarray, " trials"]:
+        """Whether contact points keep the inset from the edges of their faces."""
+        ok = np.ones(len(trials), dtype=bool)
+        for i in np.unique(trials.face):
+            mine, face = trials.face == i, trials.faces[i]
+            inset, at = self.judge.margins.inset[i] / face.size - 1e-9, face.fractions(trials.point[mine])
+            ok[mine] = ((at >= inset) & (at <= 1 - inset)).all(axis=1)
+        return ok
+
+
+def refine(
+    refinement: Refinement,
+    touches: Candidates,
+    aim: Aim,
+    value: Value | None = None,
+    *,
+    sweeps: int = 3,
+    together: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Candidates:
+    """Move touches, again and again, to where they tell more by `aim`; never worse.
+
+    A move counts only where it raises `value` of all rows, that of `aim` if not given, together with all moves before
+    it, where the touch can be made, and where no two touches become one. At last all are moved `together`, if wanted:
+    that takes as long again and gains about a tenth of what was gained before.
+    """
+    known, say = refinement.known, progress or (lambda share: None)
+    F = known.rows(touches.q, touches.normal, touch_sigma(known.cell, touches.names()), approach=touches.approach)
+    if value is None:
+
+        def value(rows: Float[np.ndarray, "touches kept"]) -> float:
+            return aim.value(known.precision + rows.T @ rows)
+
+    for sweep in range(sweeps):
+        before = value(F)
+        M = known.precision + F.T @ F
+        C = np.linalg.inv(M - F[:, :, None] * F[:, None, :])
+        W = C if aim.B is None else C @ aim.B @ C
+        wanted = refinement.best(touches, C, W, partial(_share, say, sweep, sweeps))
+        touches, F = _accepted(refinement, touches, F, wanted, value)
+        if value(F) - before < ENOUGH:
+            break
+    if together:
+        wanted = Joint(refinement.program, aim, len(touches)).best(touches)
+        touches, F = _accepted(refinement, touches, F, wanted, value)
+    return touches
+
+
+def _share(say: Callable[[float], None], sweep: int, sweeps: int, share: float) -> None:
+    say((sweep + share) / sweeps)
+
+
+def _accepted(
+    refinement: Refinement,
+    touches: Candidates,
+    F: Float[np.ndarray, "touches kept"],
+    wanted: Float[np.ndarray, "touches joints"],
+    value: Value,
+) -> tuple[Candidates, Float[np.ndarray, "touches kept"]]:
+    """Touches after those moves towards `wanted` postures that can be made and raise the value; and their rows."""
+    trials, owner = refinement.ways(touches, wanted)
+    rows = refinement.known.rows(
+        trials.q, trials.normal, touch_sigma(refinement.known.cell, trials.names()), approach=trials.approach
+    )
+    best, moved = value(F), set[int]()
+    for k, i in enumerate(owner.tolist()):
+        if i in moved or not _apart(touches, i, trials, k):
+            continue
+        changed = F.copy()
+        changed[i] = rows[k]
+        if (now := value(changed)) > best:
+            best, F = now, changed
+            touches = replaced(touches, np.array([i]), trials.take(np.array([k])))
+            moved.add(i)
+    return touches, F
+
+
+def _apart(touches: Candidates, i: int, trials: Candidates, k: int) -> bool:
+    """Whether a trial is no replicate of another touch than the one that it comes from."""
+    near = np.linalg.norm(touches.point - trials.point[k], axis=1) < APART[0]
+    turned = np.abs(touches.q - trials.q[k]).max(axis=1) < APART[1]
+    return not (near & turned & (np.arange(len(touches)) != i)).any()
+
+
+def replaced(touches: Candidates, index: Int[np.ndarray, " some"], others: Candidates) -> Candidates:
+    """Touches with some of them replaced."""
+    columns = {name: getattr(touches, name).copy() for name in COLUMNS}
+    for name, column in columns.items():
+        column[index] = getattr(others, name)
+    return replace(touches, **columns)
+
+
+def _size(W: np.ndarray) -> float:
+    """What brings W to the size of one, so that tolerances of the solver mean the same for every criterion."""
+    return float(max(np.abs(W).max(), 1e-300))

@@ -1,0 +1,123 @@
+"""One touch as CasADi symbols: what its row is, and what its postures at contact and at approach have to keep."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from identify.model.ik_step import LEVER
+from identify.model.kinematics import jig_T_tip, symbols
+from identify.uncertainty.information import Knowledge, touch_sigma
+from oed.candidates.candidates import Candidates
+from oed.candidates.edge_margins import Margins
+
+FAR = 0.6  # [rad], most that a joint turns in one move; times LEVER mm where it slides
+OPTIONS: dict[str, Any] = {
+    "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.max_iter": 40, "ipopt.tol": 1e-5,
+    "ipopt.acceptable_tol": 1e-3, "ipopt.acceptable_iter": 3, "ipopt.mu_init": 1e-3, "ipopt.bound_push": 1e-4,
+    "ipopt.bound_frac": 1e-4,
+}  # fmt: skip
+HAIR = 1e-6  # [rad] or [mm] that solutions keep from limits, for rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Where a touch starts from, its constants, and its limits: one row a touch."""
+
+    x: Float[np.ndarray, "touches unknowns"]
+    p: Float[np.ndarray, "touches constants"]
+    x_limits: Float[np.ndarray, "2 touches unknowns"]
+    g_limits: Float[np.ndarray, "2 touches constraints"]
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A touch as unknowns x and constants p.
+
+    The unknowns are its postures at contact and at approach, so that joint limits hold from the approach to the end of
+    the search; the constants are its face, its sigma and where its search ends.
+    """
+
+    known: Knowledge
+    margins: Margins
+
+    @cached_property
+    def x(self) -> ca.SX:
+        """Joints at contact, and at approach."""
+        return ca.SX.sym("x", 2 * len(self.known.cell.robot.joints))
+
+    @cached_property
+    def p(self) -> ca.SX:
+        """Normal, origin, u and v of the face, sigma, and the end of the search in units of the approach."""
+        return ca.SX.sym("p", 14)
+
+    @cached_property
+    def _model(self) -> tuple[ca.SX, ca.SX]:
+        """Row f and constraints g, in x and p."""
+        joints = len(self.known.cell.robot.joints)
+        _, theta = symbols(self.known.cell.robot)
+        q, above = self.x[:joints], self.x[joints:]
+        n, origin, u, v = (self.p[i : i + 3] for i in (0, 3, 6, 9))
+        made = ca.vertcat(ca.sign(q - above), 0)  # the side from which each joint comes
+        tip, R = self._pose(q, theta, made)
+        lean = ca.dot(n, R[:, 2])
+        height = self._height(ca.dot(n, tip - origin), lean)
+        f = ca.gradient(height, theta)[self.known.kept] * self.known.scale / self.p[12]
+        place = [ca.dot(tip - origin, side) / ca.dot(side, side) for side in (u, v)]
+        held = self._held(tip, R, *self._pose(above, theta), self.known.cell.touch.approach * n)
+        g = ca.vertcat(height, *place, -lean, *held, above + self.p[13] * (q - above))
+        f, g = (ca.substitute(x, theta, ca.SX(at)) for x, at in ((f, self.known.typical), (g, self.known.theta)))
+        return f, g
+
+    @property
+    def row(self) -> ca.SX:
+        """What the touch tells, whitened, as its posture at contact makes it."""
+        return self._model[0]
+
+    @property
+    def constraints(self) -> ca.SX:
+        """Height over the face, place on it, lean, approach held off the face, and end of the search."""
+        return self._model[1]
+
+    def numbers(self, touches: Candidates) -> Numbers:
+        """Constants and limits of touches: inset, tilt, joint limits, and no joint far from where it is."""
+        cell, m = self.known.cell, len(touches)
+        robot = cell.robot
+        faces = [touches.faces[i] for i in touches.face]
+        room = 1 + self.margins.overtravel[touches.face] / cell.touch.approach
+        sides = [np.concatenate([f.normal, f.origin, f.u, f.v]) for f in faces]
+        p = np.column_stack([np.array(sides), touch_sigma(cell, touches.names()), room])
+        lower, upper = (np.tile(limit, (m, 1)) for limit in (robot.lower + HAIR, robot.upper - HAIR))
+        far = FAR * np.where(robot.prismatic, LEVER, 1.0)
+        low, high = np.maximum(lower, touches.q - far), np.minimum(upper, touches.q + far)
+        inset = self.margins.inset[touches.face] / np.stack([f.size for f in faces])
+        zero, lean = np.zeros((m, 1)), np.full((m, 1), np.cos(cell.touch.max_tilt - HAIR))
+        held = np.zeros((m, self.constraints.shape[0] - 4 - lower.shape[1]))
+        return Numbers(
+            x=np.hstack([touches.q, touches.approach]), p=p,
+            x_limits=np.stack([np.hstack([low, lower]), np.hstack([high, upper])]),
+            g_limits=np.stack([
+                np.hstack([zero, inset, lean, held, lower]), np.hstack([zero, 1 - inset, zero + 1, held, upper]),
+            ]),
+        )  # fmt: skip
+
+    def _pose(self, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
+        T = jig_T_tip(self.known.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]), made)
+        return T[:, 3], T[:, :3]
+
+    def _height(self, height: ca.SX, lean: ca.SX) -> ca.SX:
+        """Distance of the end of the wire from the face, as in the model of a touch."""
+        wire = self.known.cell.wire
+        if wire.flat:
+            return height - wire.flat * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))
+        return height - wire.ball
+
+    def _held(self, tip: ca.SX, R: ca.SX, high: ca.SX, turned: ca.SX, way: ca.SX) -> list[ca.SX]:
+        """What is zero where the approach holds the same wire off the face: as much as the robot's joints can keep."""
+        joints = len(self.known.cell.robot.joints)
+        rest = (turned.T @ R - R.T @ turned) / 2
+        turn = ca.vertcat(rest[2, 1], rest[0, 2], rest[1, 0])
+        return [high - tip - way, turn if joints > 5 else turn[:2] if joints == 5 else ca.SX(0, 1)]

@@ -1,0 +1,138 @@
+"""All touches moved at once: one nonlinear program with the Hessian in closed form.
+
+With rows f_i, Jacobians J_i of them by the joints, C = M^-1 and W = C B C, the derivatives by the joints of touches i and j:
+
+    -log det M:   gradient  -2 J_i'C f_i
+                  Hessian    2 [(f_i'C f_j) J_i'C J_j + (J_i'C f_j)(J_j'C f_i)'] - 2 [i = j] (J_i'C J_i + sum_k (C f_i)_k Hess f_ik)
+    tr(B C):      gradient  -2 J_i'W f_i
+                  Hessian    2 [(f_i'W f_j) J_i'C J_j + (J_i'C f_j)(J_j'W f_i)' + the same with C and W exchanged]
+                             - 2 [i = j] (J_i'W J_i + sum_k (W f_i)_k Hess f_ik)
+
+The logarithm of tr(B C) is what is minimised.
+"""  # noqa: E501
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from jaxtyping import Float
+
+from oed.candidates.candidates import Candidates
+from oed.criteria.aim import Aim
+from oed.refinement.nlp import OPTIONS, Program
+
+ITERATIONS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """The nonlinear program of n touches."""
+
+    program: Program
+    aim: Aim
+    n: int
+
+    def best(self, touches: Candidates) -> Float[np.ndarray, "touches joints"]:
+        """Where Ipopt would have all touches, within joint limits, tilt and insets."""
+        at = self.program.numbers(touches)
+        found = self.solver(
+            x0=at.x.ravel(), p=at.p.ravel(), lbx=at.x_limits[0].ravel(), ubx=at.x_limits[1].ravel(),
+            lbg=at.g_limits[0].ravel(), ubg=at.g_limits[1].ravel(),
+        )  # fmt: skip
+        return np.array(found["x"]).reshape(self.n, -1)[:, : touches.q.shape[1]]
+
+    @cached_property
+    def solver(self) -> ca.Function:
+        """Ipopt with gradient and Hessian handed over."""
+        x, p = self.symbols
+        problem = {"x": x, "p": p, "f": self._value[0], "g": ca.vec(self.rows[2])}
+        given = {"grad_f": self.gradient, "hess_lag": self.hessian, "ipopt.max_iter": ITERATIONS}
+        return ca.nlpsol("joint", "ipopt", problem, OPTIONS | given)
+
+    @cached_property
+    def gradient(self) -> ca.Function:
+        """nlp_grad_f:(x,p)->(f,grad_f_x)."""
+        x, p = self.symbols
+        value, slope, _ = self._value
+        still = ca.MX.zeros(*slope.shape)
+        return ca.Function(
+            "nlp_grad_f", [x, p], [value, ca.vec(ca.vertcat(slope, still))], ["x", "p"], ["f", "grad_f_x"]
+        )
+
+    @cached_property
+    def hessian(self) -> ca.Function:
+        """nlp_hess_l:(x,p,lam_f,lam_g)->(triu_hess_gamma_x_x)."""
+        x, p = self.symbols
+        program, half = self.program, self.program.x.shape[0] // 2
+        w, lam = ca.SX.sym("w", program.row.shape[0]), ca.SX.sym("lam", program.constraints.shape[0])
+        own = ca.hessian(ca.dot(w, program.row) + ca.dot(lam, program.constraints), program.x)[0]
+        bent = ca.Function("bent", [program.x, program.p, w, lam], [own]).map(self.n)
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", lam.shape[0] * self.n)
+        _, _, weights = self._value
+        curved = bent(self._columns(x), self._columns(p), lam_f * weights, ca.reshape(lam_g, lam.shape[0], self.n))
+        size = program.x.shape[0]
+        blocks = ca.diagcat(*[curved[:, size * i : size * (i + 1)] for i in range(self.n)])
+        contact = ca.kron(ca.DM.eye(self.n), ca.sparsify(ca.vertcat(ca.DM.eye(half), ca.DM.zeros(half, half))))
+        H = lam_f * (contact @ self._coupling @ contact.T) + blocks
+        names = ["x", "p", "lam_f", "lam_g"]
+        return ca.Function("nlp_hess_l", [x, p, lam_f, lam_g], [ca.triu(H)], names, ["triu_hess_gamma_x_x"])
+
+    @cached_property
+    def symbols(self) -> tuple[ca.MX, ca.MX]:
+        """Unknowns and constants of all touches, one after the other."""
+        return ca.MX.sym("x", self.program.x.shape[0] * self.n), ca.MX.sym("p", self.program.p.shape[0] * self.n)
+
+    def _columns(self, flat: ca.MX) -> ca.MX:
+        return ca.reshape(flat, flat.shape[0] // self.n, self.n)
+
+    @cached_property
+    def rows(self) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Rows (kept x n), their Jacobians side by side (kept x joints n), constraints."""
+        program, x, p = self.program, *self.symbols
+        half = program.x.shape[0] // 2
+        J = ca.jacobian(program.row, program.x)[:, :half]
+        function = ca.Function("touch", [program.x, program.p], [program.row, J, program.constraints])
+        f, jacobians, constraints = function.map(self.n)(self._columns(x), self._columns(p))
+        return f, jacobians, constraints
+
+    @cached_property
+    def _inner(self) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Information M, its inverse C, and W."""
+        k = self.program.row.shape[0]
+        M = ca.DM(self.program.known.precision) + self.rows[0] @ self.rows[0].T
+        C = ca.solve(M, ca.DM.eye(k))
+        return M, C, C if self.aim.B is None else C @ ca.DM(self.aim.B) @ C
+
+    @cached_property
+    def _value(self) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """What is minimised, its slope by the joints of each touch, and by its row."""
+        f, J, _ = self.rows
+        M, C, W = self._inner
+        if self.aim.B is None:
+            S = ca.SX.sym("S", *M.shape)  # ca.det expands minors: hours at this size
+            value = -ca.Function("logdet", [S], [2 * ca.sum1(ca.log(ca.diag(ca.chol(S))))])(M)
+            weights = -2 * W @ f
+        else:
+            trace = ca.trace(ca.DM(self.aim.B) @ C)
+            value, weights = ca.log(trace), -2 * W @ f / trace
+        joints = J.shape[1] // self.n
+        slope = ca.reshape(ca.sum1(J * ca.kron(weights, ca.DM.ones(1, joints))), joints, self.n)
+        return value, slope, weights
+
+    @cached_property
+    def _coupling(self) -> ca.MX:
+        """The Hessian by the joints of all touches, without what bends in their rows."""
+        f, J, _ = self.rows
+        _, C, W = self._inner
+        joints = J.shape[1] // self.n
+        one, ones = ca.DM.ones(joints, joints), ca.DM.ones(1, joints)
+        JC, JW = ca.kron(J.T @ C @ f, ones), ca.kron(J.T @ W @ f, ones)  # a column for each joint of touch j
+        diagonal = ca.kron(ca.DM.eye(self.n), one)
+        bilinear = (J.T @ C @ J) * ca.kron(f.T @ W @ f, one) + JC * JW.T
+        if self.aim.B is None:
+            return 2 * bilinear - 2 * (J.T @ C @ J) * diagonal
+        bilinear += (J.T @ W @ J) * ca.kron(f.T @ C @ f, one) + JW * JC.T
+        trace = ca.trace(ca.DM(self.aim.B) @ C)
+        slope = ca.vec(self._value[1])
+        return (2 * bilinear - 2 * (J.T @ W @ J) * diagonal) / trace - slope @ slope.T

@@ -1,0 +1,158 @@
+"""Where the robot goes for a touch, and how fast: from joint values of a plan to motions."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identify.model.cell import Cell
+from identify.model.jig import Face, Jig
+from identify.model.touch import Plan
+from probe.motion.settings import Settings
+
+CREEP = 1e-3  # [rad/s], for a motion that goes nowhere
+STEP = 3.0  # [mm] between two looks at whether the jig is in the way
+SAMPLES = 33  # of a joint path, for the length of the tip's way
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A touch to be made: straight in joint space from the approach through the planned contact to the end."""
+
+    id: str
+    face: Face
+    approach: Float[np.ndarray, " joints"]  # [rad] or [mm]
+    contact: Float[np.ndarray, " joints"]
+    end: Float[np.ndarray, " joints"]  # of the search, where nothing is met
+    length: float  # [mm] of the tip's way from approach to end
+    via: Float[np.ndarray, "vias joints"]  # postures that lead to the approach from the touch before
+
+
+class Geometry:
+    """Lengths and rates of joint paths of a cell's robot, by its nominal kinematics."""
+
+    def __init__(self, cell: Cell, settings: Settings) -> None:
+        self.cell = cell
+        self.settings = settings
+        self.search_speed = settings.search_speed or cell.touch.speed  # [mm/s]
+
+    @cached_property
+    def unit(self) -> Float[np.ndarray, " joints"]:
+        """Factors from deg or mm to the inside."""
+        return self.cell.robot.joint_unit()
+
+    def tip(self, q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray, "poses 3"]:
+        """Tip positions in the jig frame [mm]."""
+        return self.cell.kinematics.tip(q, self.cell.theta)[0]
+
+    def path(
+        self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]
+    ) -> tuple[Float[np.ndarray, " samples"], Float[np.ndarray, "samples 3"], Float[np.ndarray, " samples"]]:
+        """Fractions of a straight joint path, the tip there, and the way of the tip up to there [mm]."""
+        s = np.linspace(0.0, 1.0, SAMPLES)
+        tip = self.tip(start + s[:, None] * (end - start))
+        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tip, axis=0), axis=1))])
+        return s, tip, way
+
+    def length(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> float:
+        """The way of the tip [mm]."""
+        return float(self.path(start, end)[2][-1])
+
+    def span(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> float:
+        """The largest joint motion [rad], where 1 mm of a sliding joint counts as 1 deg."""
+        return float(np.radians(np.abs((end - start) / self.unit).max()))
+
+    def beyond(
+        self, start: Float[np.ndarray, " joints"], through: Float[np.ndarray, " joints"], travel: float
+    ) -> Float[np.ndarray, " joints"]:
+        """The point on the line from `start` `through` a point where the tip has travelled `travel` [mm].
+
+        Shorter where a joint limit comes first.
+        """
+        direction = through - start
+        near = self.length(start, through)
+        if near == 0.0 or not direction.any():
+            return through
+        robot = self.cell.robot
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(direction > 0, (robot.upper - start) / direction, (robot.lower - start) / direction)
+        widest = float(min(np.min(room[direction != 0]), 2.0 * travel / near))
+        s, _, way = self.path(start, start + widest * direction)
+        return start + float(np.interp(travel, way, s)) * widest * direction
+
+    def search_rate(self, target: Target, speed: float) -> float:
+        """Rate [rad/s] at which the tip searches at a speed [mm/s]."""
+        return self.span(target.approach, target.end) * speed / target.length
+
+    def velocity(
+        self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"], rate: float
+    ) -> Float[np.ndarray, " joints"]:
+        """Joint speeds of a motion at a rate [rad/s] or [mm/s]."""
+        return (end - start) * (rate / max(self.span(start, end), 1e-12))
+
+    def move_rate(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"], speed: float) -> float:
+        """Rate [rad/s] at which neither a joint nor the tip [mm/s] is too fast."""
+        speeds = np.abs(end - start) / self.cell.robot.speed
+        seconds = max(float(speeds.max()), self.length(start, end) / speed)
+        return max(self.span(start, end) / max(seconds, 1e-9) * self.settings.override, CREEP)
+
+    def target(self, plan: Plan, i: int, jig: Jig) -> Target:
+        """What is to be done for a touch of a plan."""
+        approach, contact = plan.approach[i], plan.q[i]
+        end = self.beyond(approach, contact, self.cell.touch.travel)
+        face, length = jig.by_name[plan.face[i]], self.length(approach, end)
+        return Target(plan.ids[i], face, approach, contact, end, length, plan.way(i)[:-1])
+
+    def fraction(
+        self,
+        q: Float[np.ndarray, " joints"],
+        start: Float[np.ndarray, " joints"],
+        end: Float[np.ndarray, " joints"],
+    ) -> tuple[float, float]:
+        """How far along a joint line a point lies (0 ... 1), and how far off it [rad, or mm counted as deg]."""
+        a, b, p = start / self.unit, end / self.unit, q / self.unit
+        line = b - a
+        square = float(line @ line)
+        s = float((p - a) @ line / square) if square else 0.0
+        return s, float(np.radians(np.abs(p - a - s * line).max()))
+
+    def inside(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> bool:
+        """Whether the tip comes into a solid box of the jig on a straight joint path."""
+        return bool(self.blocked(start[None], end[None])[0])
+
+    def blocked(
+        self,
+        start: Float[np.ndarray, "ways joints"],
+        end: Float[np.ndarray, "ways joints"],
+        margin: float = 0.0,
+        theta: Float[np.ndarray, " parameters"] | None = None,
+        step: float = STEP,
+    ) -> Bool[np.ndarray, " ways"]:
+        """Straight joint paths on which the tip comes within a margin [mm] of a solid box of the jig.
+
+        But for where a path begins and ends: it may lead away from the jig, and up to it. Looks are `step` [mm] apart
+        or less on the longest path.
+        """
+        looks = SAMPLES
+        while True:
+            s = np.linspace(0.0, 1.0, looks)[None, :, None]
+            q = (start[:, None] + s * (end - start)[:, None]).reshape(-1, start.shape[1])
+            tip = self.cell.kinematics.tip(q, self.cell.theta if theta is None else theta)[0].reshape(-1, looks, 3)
+            apart = float(np.linalg.norm(np.diff(tip, axis=1), axis=2).max())
+            if apart <= step:
+                return _amidst(self._near(tip, margin)) | _amidst(self._near(tip, 0.0))
+            looks = int(looks * apart / step) + 2
+
+    def _near(self, tip: Float[np.ndarray, "ways looks 3"], margin: float) -> Bool[np.ndarray, "ways looks"]:
+        boxes = () if self.cell.jig is None else self.cell.jig.boxes
+        near = np.zeros(tip.shape[:2], dtype=bool)
+        for box in boxes:
+            near |= ((tip > np.array(box.lower) - margin) & (tip < np.array(box.upper) + margin)).all(axis=2)
+        return near
+
+
+def _amidst(near: Bool[np.ndarray, "ways looks"]) -> Bool[np.ndarray, " ways"]:
+    """Whether anything is true but an unbroken run from the first sample on, and one up to the last."""
+    first, last = np.logical_and.accumulate(near, axis=1), np.logical_and.accumulate(near[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray((near & ~first & ~last).any(axis=1))

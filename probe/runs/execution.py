@@ -1,0 +1,223 @@
+"""The run of a plan: which touch comes next, which counts, which is made again, and when to stop."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from identify.model.touch import HIT, Plan
+from probe.line.clock import Clock
+from probe.line.controller import Controller, TouchError
+from probe.motion.joint_path import Target
+from probe.motion.router import Joints
+from probe.motion.settings import Settings
+from probe.runs.attempt import Failed, Measured, Motion
+from probe.runs.events import Drifted, Finished, Listener, Retried, Started, Touched, Touching, ignore
+from probe.runs.prediction import Predictor, Surprise
+from probe.runs.preflight import validate
+from probe.runs.records import AGAIN, Reading, Result
+from probe.runs.session import Session
+
+USUAL = Settings()
+WORTH = 5.0  # [mm] of a search that a motion of its own may save
+
+
+def run(
+    plan: Plan,
+    controller: Controller,
+    session: Session,
+    settings: Settings = USUAL,
+    *,
+    tell: Listener = ignore,
+    clock: Clock | None = None,
+) -> Finished:
+    """Make the touches of a plan that the session does not have yet.
+
+    Raises InputError before the first motion where something speaks against the plan; TouchError where the touches
+    cannot go on. After either, and after KeyboardInterrupt, the same call with the same session goes on where it
+    stopped. KeyboardInterrupt stops the robot; `retreat` then brings it back to its last approach.
+    """
+    execution = Execution(plan, controller, session, settings, tell, clock or Clock())
+    try:
+        return execution.all()
+    except KeyboardInterrupt:
+        controller.stop()
+        raise
+
+
+def retreat(
+    controller: Controller, session: Session, settings: Settings = USUAL, *, clock: Clock | None = None
+) -> None:
+    """Bring the robot back along its last motion, out of contact; raises TouchError where it is not on its way."""
+    Motion(controller, session, settings, ignore, clock or Clock()).retreat()
+
+
+class Execution:
+    """One run of a plan."""
+
+    def __init__(
+        self, plan: Plan, controller: Controller, session: Session, settings: Settings, tell: Listener, clock: Clock
+    ) -> None:
+        self.targets = validate(plan, session.cell, settings, controller.joints)
+        self.controller, self.session, self.settings, self.tell, self.clock = controller, session, settings, tell, clock
+        self.motion = Motion(controller, session, settings, tell, clock)
+        self.predictor = Predictor(session.cell)
+        self._by_id = {target.id: target for target in self.targets}
+        self._start, self._made, self._missed = clock.robot(), 0, 0
+
+    def all(self) -> Finished:
+        """Everything, from the first look at the controller to the last touch."""
+        for hit in self.session.hits():
+            self._learn(hit.reading, self._of(hit.id))
+        self.tell(Started(len(self.targets), self._done(), self.controller.name))
+        self._begin()
+        for target in self.targets:
+            if target.id not in self.session.results:
+                self._count(self._touch(target, target.id))
+                self._look_for_drift()
+        hits = sum(self.session.results[name].status == HIT for name in self._by_id)
+        finished = Finished(hits, len(self.targets), self.clock.robot() - self._start)
+        self.tell(finished)
+        return finished
+
+    def _begin(self) -> None:
+        """See that the controller is ready, and bring a broken run to its end."""
+        trusted, found = self.motion.begin()
+        search = self.session.search
+        if search is not None and found is not None:
+            self._pick_up(search.id, found)
+        if not trusted:
+            self._confirm_position()
+            self.session.trusted(self.motion.boot)
+
+    def _pick_up(self, name: str, found: Measured | Failed) -> None:
+        """Take the touch whose search was made, but whose row was never written."""
+        if isinstance(found, Measured) and name not in self.session.results:
+            surprise = self._judge(found, self._of(name))
+            if not surprise.beyond(self.settings.disagreement):
+                self._record(name, HIT, found, surprise, 1, "picked up after an interruption")
+                return
+            found = Failed("outlier", "far from the prediction")
+        self.session.rejected(found.reason if isinstance(found, Failed) else "made before")
+
+    def _confirm_position(self) -> None:
+        """After a restart, touch a known point again: the position must mean what it meant before."""
+        if not self.session.hits():
+            return
+        before = self._known(reversed(self.session.hits()))
+        if before is None:
+            raise TouchError("no known point can be reached from here without passing the jig; jog the robot above it")
+        target = self._of(before.id)
+        found = self.motion.attempt(target, before.id)
+        if isinstance(found, Failed):
+            raise TouchError(f"touch '{before.id}' could not be repeated after the restart: {found.reason}")
+        self.session.rejected("made to confirm the position")
+        change = self._change(before.reading, found.reading, target)
+        self.tell(Drifted(before.id, change))
+        if abs(change) > self.settings.agreement:
+            raise TouchError(
+                f"touch '{before.id}' lies {change:+.2f} mm from where it was before the restart, expected within "
+                f"{self.settings.agreement:g} mm: the position has moved; home the robot, or begin a new session"
+            )
+
+    def _touch(self, target: Target, name: str) -> Result:
+        """One point, as often as it takes within bounds; its row is written in any case."""
+        suspects = list[Measured]()
+        attempt, failure = 0, Failed("skipped", "")
+        while failure.again and attempt <= self.settings.retries and (failure.status, attempt) != ("early", 2):
+            attempt += 1
+            self.tell(Touching(name, target.face.name, attempt))
+            found = self.motion.attempt(target, name, self._near(target) if attempt == 1 else None)
+            if isinstance(found, Measured):
+                surprise = self._judge(found, target)
+                twin = any(self._alike(found, other, target) for other in suspects)
+                if twin or not surprise.beyond(self.settings.disagreement):
+                    note = f"{surprise.difference:+.2f} mm from the prediction, twice" if twin else ""
+                    return self._record(name, HIT, found, surprise, attempt, note)
+                suspects.append(found)
+                found = Failed("outlier", f"{surprise.difference:+.2f} mm from the prediction")
+            failure = found
+            self.session.rejected(failure.reason)
+            self.tell(Retried(name, attempt, failure.reason))
+        last = (
+            suspects[-1] if failure.status == "outlier" else Measured(Reading(self.motion.here, 0 * self.motion.here))
+        )
+        return self._record(name, failure.status, last, None, attempt, failure.reason)
+
+    def _record(
+        self, name: str, status: str, found: Measured, surprise: Surprise | None, attempts: int, note: str
+    ) -> Result:
+        """Write the row, learn from it, and tell."""
+        target, settings = self._of(name), self.settings
+        temperature = np.nan if settings.temperature is None else settings.temperature
+        words = "; ".join(filter(None, (note, settings.note)))
+        result = Result(
+            name, target.face.name, status, found.reading, found.fast, self.clock.stamp(), temperature, words
+        )
+        self.session.finish(result)
+        if status == HIT:
+            self._learn(found.reading, target)
+        self._made += 1
+        left = (len(self.targets) - self._done()) * (self.clock.robot() - self._start) / self._made
+        judged = surprise or Surprise(np.nan, np.nan, np.nan)
+        self.tell(
+            Touched(
+                name, target.face.name, status, judged.residual, judged.difference, judged.expected, attempts, words,
+                self._done(), len(self.targets), left,
+            )
+        )  # fmt: skip
+        return result
+
+    def _count(self, result: Result) -> None:
+        """Stop where one touch after the other fails: something is not where the cell says."""
+        self._missed = 0 if result.status in (HIT, "outlier") else self._missed + 1
+        if self._missed >= self.settings.misses:
+            raise TouchError(
+                f"{self._missed} touches in a row failed, the last ({result.id}) because: {result.note}; are jig, base "
+                "and wire where cell.yaml says? then go on with --resume"
+            )
+
+    def _look_for_drift(self) -> None:
+        """Every so many touches, touch the first known point again that is in reach."""
+        every, hits = self.settings.again_every, [hit for hit in self.session.hits() if AGAIN not in hit.id]
+        first = self._known(hits) if every and hits and len(hits) % every == 0 else None
+        if first is None:
+            return
+        number = 2 + sum(name.startswith(first.id + AGAIN) for name in self.session.results)
+        again = self._touch(self._of(first.id), f"{first.id}{AGAIN}{number}")
+        if again.status == HIT:
+            self.tell(Drifted(again.id, self._change(first.reading, again.reading, self._of(first.id))))
+
+    def _known(self, hits: Iterable[Result]) -> Result | None:
+        """The first of some touches to which there is a way."""
+        return next((hit for hit in hits if self.motion.ways.route(self.motion.here, self._of(hit.id).approach)), None)
+
+    def _learn(self, reading: Reading, target: Target) -> None:
+        self.predictor.learn(reading.q, target.face)
+        self.motion.ways.theta = self.predictor.theta
+
+    def _near(self, target: Target) -> Joints | None:
+        """How far the robot may go before it searches, by what is known; nothing where that is not worth a motion."""
+        fraction, sigma = self.predictor.first_contact(target.approach, target.end, target.face)
+        tips = self.motion.geometry.tip(np.stack([target.approach, target.end]))
+        depth = float(target.face.normal @ (tips[0] - tips[1]))  # [mm] of the whole search, along the normal
+        fraction -= (5 * sigma + self.settings.disagreement + self.settings.near) / max(depth, 1e-9)
+        worth = fraction * target.length > WORTH
+        return target.approach + fraction * (target.end - target.approach) if worth else None
+
+    def _judge(self, found: Measured, target: Target) -> Surprise:
+        return self.predictor.judge(found.reading.q, target.face)
+
+    def _alike(self, a: Measured, b: Measured, target: Target) -> bool:
+        return abs(self._change(a.reading, b.reading, target)) < self.settings.agreement
+
+    def _change(self, before: Reading, after: Reading, target: Target) -> float:
+        """How far a contact moved along the normal of its face [mm]."""
+        tips = self.motion.geometry.tip(np.stack([before.q, after.q]))
+        return float(target.face.normal @ (tips[1] - tips[0]))
+
+    def _of(self, name: str) -> Target:
+        """The target of a touch, or of its repetition."""
+        return self._by_id[name] if name in self._by_id else self._by_id[name.rpartition(AGAIN)[0]]
+
+    def _done(self) -> int:
+        return sum(name in self.session.results for name in self._by_id)
