@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import DEG, Cell
+from identify.model.files import read_sheet
 from identify.model.frames import rotation, transform
-from identify.model.io.files import read_sheet
 from identify.model.io.tables import POINT, joint_columns
 
 EULER = ("w_deg", "p_deg", "r_deg")

@@ -34,8 +34,8 @@ import numpy as np
 from identify.estimation.calibrate import CalibrationFailed, calibrate
 from identify.estimation.face_association import believe
 from identify.model.cell import Cell, Priors
+from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import Chart, axis, colour, picture
 from identify.uncertainty.assurance import assurance

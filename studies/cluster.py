@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from studies.engine import Compute, Task, compute
 
 if TYPE_CHECKING:

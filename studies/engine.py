@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identify.model.io.files import InputError, nearest, read_sheet, read_text, sheet_text, write_text
+from identify.model.files import InputError, nearest, read_sheet, read_text, sheet_text, write_text
 from studies import STUDIES
 
 Task = Mapping[str, Any]

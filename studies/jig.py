@@ -27,8 +27,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
-from identify.model.io.files import InputError
 from oed.design.exact import exact_design
 from oed.design.relaxation import approximate_design
 from oed.planning.candidate_set import Offer, offer, plan_of

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from identify.model.io.files import write_text
+from identify.model.files import write_text
 from studies import PICTURES, STUDIES
 from studies.engine import Study
 

@@ -18,9 +18,9 @@ from readme import Demo
 from touching import Ticks
 
 from identify.estimation.calibrate import calibrate
-from identify.model.cell import Cell
+from identify.model.cell import Cell, Wire
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.description import library, read_cell, read_jig
+from identify.model.io.description import library, read_cell, read_jig, read_robot
 from identify.model.jig import Jig
 from oed.cli import main
 from probe.controllers.linuxcnc import LinuxCNC
@@ -140,3 +140,23 @@ def noisy_port() -> Iterator[str]:
     thread.join()
     os.close(near)
     os.close(far)
+
+
+@pytest.fixture(scope="session")
+def irb120_cell():
+    """Nobody measured where the tracker stands and where the reflector sits."""
+    return Cell(read_robot(library("robots")["irb120"]), None, base=None, tool=None, wire=Wire(0.0, "point"))
+
+
+@pytest.fixture(scope="session")
+def irb120_measured(shared_data):
+    data = np.genfromtxt(shared_data / "irb120" / "positions.csv", delimiter=",", names=True)
+
+    def columns(*names):
+        return np.column_stack([data[name] for name in names])
+
+    return {
+        "q": np.radians(columns(*(f"q{i}_deg" for i in range(1, 7)))),
+        "readback": np.radians(columns(*(f"q{i}_readback_deg" for i in range(1, 7)))),
+        "point": columns("x_mm", "y_mm", "z_mm"),
+    }

@@ -1,15 +1,33 @@
-"""The arrows between the rooms: who may import whom, read off the source with ast, and proof that this can fail."""
+"""The arrows between packages and between rooms: who may import whom, read off the source with ast."""
 
 import ast
+import re
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("identify", "oed", "probe", "studies")
+PACKAGES = ("identify", "oed", "probe", "studies")
 THIRD = ("casadi", "serial")
+
+# the rooms of each package: one may import those that stand before it, never those behind it
+ROOMS = {
+    "identify": (
+        "model.compiled", "model", "model.urdf", "model.io", "uncertainty", "estimation", "compensation", "workpiece",
+        "health", "programs", "export", "pendant", "report",
+    ),
+    "probe": ("line", "motion", "controllers", "programs", "runs", "virtual"),
+    "oed": ("criteria", "design", "candidates", "refinement", "planning", "campaigns", "cli"),
+}  # fmt: skip
+DOORS = ("identify.model", "identify.uncertainty")  # what probe, and planning apart from the closed loop, may see
+CLOSED_LOOP = ("oed.planning", "oed.campaigns", "oed.cli")  # they see the rest of identify and probe
+SYMBOLS = (  # where CasADi stands: the model, and what builds an NLP
+    "identify.model", "identify.estimation", "identify.compensation", "oed.refinement",
+)  # fmt: skip
+MODULES, LINES, FUNCTION = 20, 300, 60  # in a folder, of a file, of a function: at most
 
 
 def within(module, *packages):
@@ -17,43 +35,40 @@ def within(module, *packages):
     return any(module == p or module.startswith(p + ".") for p in packages)
 
 
-def is_command_line(module):
-    return module == "oed.campaigns.campaign" or within(module, "oed.cli")
-
-
-def may_use_casadi(module):
-    # least_squares is the NLP of calibration, in a file of its own
-    prefixes = (
-        "identify.estimation.calibrate",
-        "identify.estimation.least_squares",
-        "identify.compensation.compensate",
-        "oed.refinement.coordinate",
-    )
-    return within(module, "identify.model") or module.startswith(prefixes)
+def room_of(module):
+    """The package of a module, and its room there; none for the package itself and for what stands beside rooms."""
+    package, _, rest = module.partition(".")
+    rooms = [room for room in ROOMS.get(package, ()) if within(rest, room)]
+    return package, max(rooms, key=len, default=None)
 
 
 def complaint(module, target):
     """Why a module may not import a target, or nothing (DESIGN section 1)."""
-    if target == "casadi" or target.startswith("casadi."):
-        return "" if may_use_casadi(module) else "CasADi stays in the model, calibration, compensation and refinement"
-    if target == "serial" or target.startswith("serial."):
+    if within(target, "casadi"):
+        return "" if within(module, *SYMBOLS) else "CasADi stays in the model and where an NLP is built"
+    if within(target, "serial"):
         return "" if module == "probe.line.transport" else "the serial port is opened in probe.line.transport alone"
-    if within(module, "probe") and within(target, "probe") and "probe.virtual" in (module[:13], target[:13]):
-        apart = within(module, "probe.virtual") != within(target, "probe.virtual")
-        return "the virtual cell and the driver share nothing: an error in both would cancel itself" if apart else ""
-    room = module.split(".")[0]
-    if room == "studies" or within(target, room):
-        inward = within(module, "identify.model") and not within(target, "identify.model")
-        return "identify.model is the vocabulary and knows nothing of what uses it" if inward else ""
-    if room == "oed":
-        known = ("identify", "probe", *(["studies"] if module == "oed.cli.study" else []))
-        free = within(target, "identify.model") or (is_command_line(module) and within(target, *known))
-        return (
-            "" if free else "only oed.campaigns.campaign and oed.cli know identify and probe, oed.cli.study the studies"
-        )
-    if room == "probe":
-        return "" if within(target, "identify.model") else "probe knows nothing of ours but identify.model"
-    return "identify imports neither oed nor probe nor studies"
+    (package, room), (other, into) = room_of(module), room_of(target)
+    if package == other:
+        return rooms_complaint(package, room, into) if room else ""
+    if package == "studies" or (module == "oed.cli.study" and other == "studies"):
+        return ""
+    if package == "probe":
+        return "" if within(target, *DOORS) else "probe knows nothing of ours but the model and its uncertainty"
+    if package == "oed" and other in ("identify", "probe"):
+        free = within(target, *DOORS, "probe.motion") or within(module, *CLOSED_LOOP)
+        return "" if free else "only the closed loop knows all of identify and probe"
+    return "the arrows go from studies to oed to probe to identify"
+
+
+def rooms_complaint(package, room, into):
+    """Why a room may not import another one of its package, or nothing."""
+    if into is None:
+        return f"a room knows the rooms before it, not the front of {package}"
+    if "virtual" in (room, into) and room != into:
+        return "the virtual cell and the driver share nothing: an error in both would cancel itself"
+    order = ROOMS[package]
+    return "" if order.index(into) <= order.index(room) else f"{room} stands before {into}"
 
 
 def name_of(path, root):
@@ -66,7 +81,7 @@ def exists(module, root):
     return path.is_dir() or path.with_suffix(".py").is_file()
 
 
-def targets(node, module, package, root):
+def targets(node, package, root):
     """The modules that one statement imports; `from x import y` is x.y where that is a module, else x."""
     if isinstance(node, ast.Import):
         return [alias.name for alias in node.names]
@@ -81,18 +96,53 @@ def targets(node, module, package, root):
     return []
 
 
-def violations(root):
-    """Every import in the rooms below `root` that goes against the arrows, anywhere in a file, in functions too."""
-    found = []
-    for path in sorted(p for room in ROOMS for p in (root / room).rglob("*.py")):
+def imports(root):
+    """Place, module and target of every import below `root`, anywhere in a file, in functions too."""
+    for path in sorted(p for package in PACKAGES for p in (root / package).rglob("*.py")):
         module = name_of(path, root)
         package = module if path.name == "__init__.py" else module.rpartition(".")[0]
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            found += [
-                f"{path.relative_to(root)}:{node.lineno}: {module} imports {target}: {why}"
-                for target in targets(node, module, package, root)
-                if within(target, *ROOMS, *THIRD) and (why := complaint(module, target))
-            ]
+            for target in targets(node, package, root):
+                if within(target, *PACKAGES, *THIRD):
+                    yield f"{path.relative_to(root)}:{node.lineno}", module, target
+
+
+def violations(root):
+    """Every import in the packages below `root` that goes against the arrows."""
+    return [
+        f"{place}: {module} imports {target}: {why}"
+        for place, module, target in imports(root)
+        if (why := complaint(module, target))
+    ]
+
+
+def circle(root):
+    """Modules that import each other in a circle, or nothing."""
+    graph = {}
+    for _, module, target in imports(root):
+        if within(target, *PACKAGES) and target != module:
+            graph.setdefault(module, set()).add(target)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+def oversized(root):
+    """Folders with too many modules, files with too many lines, functions that are too long."""
+    found = []
+    for folder in sorted({p.parent for package in PACKAGES for p in (root / package).rglob("*.py")}):
+        files = [p for p in sorted(folder.glob("*.py")) if p.name != "__init__.py"]
+        if len(files) > MODULES:
+            found.append(f"{folder.relative_to(root)} holds {len(files)} modules")
+        for path in files:
+            text = path.read_text(encoding="utf-8")
+            if (lines := text.count("\n")) > LINES:
+                found.append(f"{path.relative_to(root)} has {lines} lines")
+            for node in ast.walk(ast.parse(text)):
+                if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= FUNCTION:
+                    found.append(f"{path.relative_to(root)}:{node.lineno}: {node.name} is longer than {FUNCTION} lines")
     return found
 
 
@@ -100,50 +150,71 @@ def test_every_import_follows_the_arrows():
     assert violations(ROOT) == []
 
 
-def test_the_rooms_are_there_to_be_walked():
-    for room in ROOMS:
-        assert list((ROOT / room).rglob("*.py")), room
+def test_no_modules_import_each_other_in_a_circle():
+    assert circle(ROOT) == []
+
+
+def test_folders_files_and_functions_stay_small():
+    assert oversized(ROOT) == []
+
+
+def test_every_room_of_the_table_is_a_folder_or_a_module_and_has_a_map():
+    for package, rooms in ROOMS.items():
+        for room in rooms:
+            assert exists(f"{package}.{room}", ROOT), room
+        for folder in (p.parent for p in (ROOT / package).rglob("__init__.py")):
+            assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))), folder
+
+
+def test_the_map_of_a_room_names_each_of_its_modules_once():
+    for path in (p for package in PACKAGES for p in (ROOT / package).rglob("__init__.py")):
+        lines = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))).splitlines()
+        named = [match[1] for line in lines if (match := re.match(r" {4}(\w+) ", line))]
+        modules = {p.stem for p in path.parent.glob("*.py")} - {"__init__", "__main__"}
+        rooms = {p.parent.name for p in path.parent.glob("*/__init__.py")}
+        assert sorted(named) == sorted(modules | rooms), path.relative_to(ROOT)
 
 
 PLANTED = {
     "the model knows what uses it": ("identify/model/robot.py", "from identify.estimation.calibrate import calibrate"),
     "the model knows its package": ("identify/model/robot.py", "import identify"),
-    "the model knows a planner": ("identify/model/robot.py", "import oed.criteria.criteria"),
+    "the model knows a planner": ("identify/model/robot.py", "import oed.criteria"),
+    "the model knows its files": ("identify/model/robot.py", "from identify.model.io import tables"),
+    "uncertainty knows estimation": ("identify/uncertainty/promise.py", "import identify.estimation.calibrate"),
+    "estimation knows the report": ("identify/estimation/calibrate.py", "from identify.report import page"),
     "identification knows planning": ("identify/estimation/calibrate.py", "import oed"),
-    "identification knows touching": ("identify/estimation/calibrate.py", "from probe import session"),
+    "identification knows touching": ("identify/estimation/calibrate.py", "from probe.runs import session"),
     "identification knows studies": ("identify/report/page.py", "from studies import value"),
     "touching knows identification": ("probe/runs/session.py", "from identify.estimation.calibrate import calibrate"),
     "touching knows the package around the model": ("probe/runs/session.py", "from identify import calibrate"),
-    "touching knows planning": ("probe/runs/session.py", "import oed.criteria.criteria as c"),
-    "the virtual cell reads lines as the driver does": (
-        "probe/virtual/line.py",
-        "from probe.line.framing import unseal",
-    ),
+    "touching knows planning": ("probe/runs/session.py", "import oed.criteria as c"),
+    "motion knows runs": ("probe/motion/edges.py", "from probe.runs import session"),
+    "the virtual cell reads lines as the driver does": ("probe/virtual/line.py", "from probe.line.link import unseal"),
     "the driver knows the virtual cell": ("probe/line/link.py", "from probe.virtual.line import crc"),
-    "planning knows identification": ("oed/planning/plan.py", "from identify import calibration"),
-    "planning knows touching": ("oed/planning/plan.py", "import numpy, probe"),
+    "design knows identification": ("oed/design/exact.py", "from identify.estimation import calibrate"),
+    "candidates know touching": ("oed/candidates/even.py", "import numpy, probe.runs.session"),
+    "criteria know planning": ("oed/criteria/table.py", "from oed.planning import plan"),
     "planning knows studies": ("oed/planning/plan.py", "import studies"),
-    "in a function": ("oed/planning/plan.py", "def f():\n    from probe import session"),
-    "under a condition": ("oed/planning/plan.py", "if True:\n    import probe.runs.session"),
-    "relative": ("identify/model/robot.py", "from ..calibration import calibrate"),
-    "relative, from a package": ("identify/model/__init__.py", "from .. import calibration"),
-    "by name": ("probe/runs/session.py", "import importlib\nimportlib.import_module('oed.criteria.criteria')"),
+    "in a function": ("oed/design/exact.py", "def f():\n    from probe.runs import session"),
+    "under a condition": ("oed/design/exact.py", "if True:\n    import probe.runs.session"),
+    "relative": ("identify/model/robot.py", "from ..estimation import calibrate"),
+    "relative, from a package": ("identify/model/__init__.py", "from .. import estimation"),
+    "by name": ("probe/runs/session.py", "import importlib\nimportlib.import_module('oed.criteria')"),
     "symbols in planning": ("oed/planning/plan.py", "import casadi as ca"),
     "symbols in touching": ("probe/runs/session.py", "from casadi import SX"),
-    "symbols in identification at large": ("identify/uncertainty.py", "def f():\n    import casadi"),
+    "symbols in uncertainty": ("identify/uncertainty/promise.py", "def f():\n    import casadi"),
     "a second serial port": ("probe/runs/session.py", "import serial.tools.list_ports"),
-    "a serial port in the command line": ("oed/cli.py", "from serial import Serial"),
+    "a serial port in the command line": ("oed/cli/run.py", "from serial import Serial"),
 }
 INNOCENT = {
-    "the one door": ("probe/runs/session.py", "from identify.model.robot import Robot\nfrom identify import model"),
+    "the doors": ("probe/runs/session.py", "from identify.model.robot import Robot\nfrom identify import uncertainty"),
     "the model by itself": ("identify/model/jig.py", "from identify.model.robot import Robot\nfrom . import robot"),
-    "planning sees the model": ("oed/planning/plan.py", "import identify.model.robot\nfrom oed import criteria"),
-    "the loop is closed": ("oed/campaigns/campaign.py", "from probe import session\nfrom identify import calibration"),
-    "the command of studies": ("oed/cli/study.py", "from studies import engine"),
-    "the command line": (
-        "oed/cli/plan.py",
-        "def f():\n    from identify import calibrate\n    import probe.runs.session",
-    ),
+    "files see the model": ("identify/model/io/tables.py", "from identify.model import robot"),
+    "design sees the model": ("oed/design/exact.py", "import identify.model.robot\nfrom oed import criteria"),
+    "candidates see motion": ("oed/candidates/even.py", "from probe.motion import edges"),
+    "the loop is closed": ("oed/campaigns/campaign.py", "from probe.runs import session\nimport identify.estimation"),
+    "the command of studies": ("oed/cli/study.py", "from studies import value"),
+    "the command line": ("oed/cli/plan.py", "def f():\n    from identify import estimation\n    import probe.runs"),
     "studies import anything": ("studies/value.py", "import oed.planning.plan, probe.runs.session, identify"),
     "symbols where they belong": ("oed/refinement/coordinate.py", "import casadi"),
     "symbols in the model": ("identify/model/compiled/batch.py", "import casadi"),
@@ -154,24 +225,21 @@ INNOCENT = {
 
 @pytest.fixture
 def house(tmp_path):
-    """A tree with the rooms and some modules in it, all empty."""
-    modules = ["identify/model/robot", "identify/calibration", "oed/criteria", "oed/planning", "probe/session"]
-    for module in [*modules, "studies/value", *(f"{package}/__init__" for package in (*ROOMS, "identify/model"))]:
+    """A tree with all rooms, and in them the modules of this test, all empty."""
+    rooms = [f"{package}/{room.replace('.', '/')}/__init__" for package, names in ROOMS.items() for room in names]
+    modules = [file.removesuffix(".py") for file, _ in (*PLANTED.values(), *INNOCENT.values())]
+    more = ["identify/estimation/calibrate", "identify/report/page", "oed/planning/plan", "probe/motion/edges"]
+    for module in [*rooms, *modules, *more, *(f"{package}/__init__" for package in PACKAGES)]:
         path = tmp_path / f"{module}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("")
     return tmp_path
 
 
-def plant(house, file, text):
-    (house / file).parent.mkdir(parents=True, exist_ok=True)
-    (house / file).write_text(text)
-
-
 @pytest.mark.parametrize("kind", PLANTED)
 def test_a_planted_violation_is_reported_with_its_place(house, kind):
     file, text = PLANTED[kind]
-    plant(house, file, text)
+    (house / file).write_text(text)
 
     found = violations(house)
 
@@ -182,9 +250,30 @@ def test_a_planted_violation_is_reported_with_its_place(house, kind):
 
 @pytest.mark.parametrize("kind", INNOCENT)
 def test_what_the_arrows_allow_is_not_reported(house, kind):
-    plant(house, *INNOCENT[kind])
+    file, text = INNOCENT[kind]
+    (house / file).write_text(text)
 
     assert violations(house) == []
+
+
+def test_a_planted_circle_is_reported_even_where_one_arrow_stands_in_a_function(house):
+    (house / "identify/model/robot.py").write_text("import identify.model.jig")
+    (house / "identify/model/jig.py").write_text("def f():\n    from identify.model import robot")
+
+    assert {"identify.model.robot", "identify.model.jig"} <= set(circle(house))
+
+
+@pytest.mark.parametrize("planted", ["modules", "lines", "function"])
+def test_a_planted_excess_is_reported(house, planted):
+    if planted == "modules":
+        for k in range(MODULES + 1):
+            (house / f"oed/design/m{k}.py").write_text("")
+    elif planted == "lines":
+        (house / "oed/design/long.py").write_text("x = 1\n" * (LINES + 1))
+    else:
+        (house / "oed/design/long.py").write_text("def f():\n" + "    x = 1\n" * FUNCTION)
+
+    assert len(oversized(house)) == 1
 
 
 def test_loading_a_room_loads_no_room_that_it_must_not_know():
@@ -197,7 +286,7 @@ def loaded(package):
     return {name for name in sys.modules if name.split(".")[0] in ("identify", "oed", "probe", "studies")}
 allowed = lambda name, *rooms: name == "identify" or any(name == r or name.startswith(r + ".") for r in rooms)
 print(sorted(n for n in loaded("identify.model") if not allowed(n, "identify.model")))
-print(sorted(n for n in loaded("probe") if not allowed(n, "identify.model", "probe")))
+print(sorted(n for n in loaded("probe") if not allowed(n, "identify.model", "identify.uncertainty", "probe")))
 print(sorted(n for n in loaded("identify") if not allowed(n, "identify", "probe")))
 """
 
@@ -213,4 +302,4 @@ def test_nothing_else_stands_at_the_top_level():
 
     top = {line.split("/")[0] for line in listed.stdout.splitlines() if not line.startswith(".")}
 
-    assert top <= {*ROOMS, "tests", "pyproject.toml", "requirements.lock", "README.md", "LICENSE"}
+    assert top <= {*PACKAGES, "tests", "pyproject.toml", "requirements.lock", "README.md", "LICENSE"}

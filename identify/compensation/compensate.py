@@ -11,10 +11,10 @@ from jaxtyping import Bool, Float
 from identify.compensation.ipopt import solve
 from identify.compensation.postures import nominal
 from identify.compensation.trust import RESIDUAL, joint_change, reasons, turned_around
+from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.ik import Reach, reach, wrapped
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 
 CHANGE = 3 * np.pi / 180  # [rad], or LEVER times that [mm]: the change of a joint that needs no asking
 USUAL = 3.0  # times the usual change of a robot that is far off, where that is more

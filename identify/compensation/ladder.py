@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.compensation.compensate import believed
-from identify.export.fitting import fitted
+from identify.compensation.fitting import fitted
+from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration, Errors, summarize
-from identify.model.io.files import InputError
 from identify.model.robot import POSE_NAMES, Robot
 from identify.model.zone import zone_poses
 

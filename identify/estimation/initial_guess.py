@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.frames import nearest_rotation, pose
-from identify.model.io.files import InputError
 from identify.model.measurement import Rows
 
 

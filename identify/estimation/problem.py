@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from identify.estimation.initial_guess import starting_point
 from identify.estimation.least_squares import LOSSES, LeastSquares, Objective, Part, Solution
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.identifiability import (
     Identifiability,
     Sight,
@@ -20,7 +21,6 @@ from identify.model.identifiability import (
     structure,
     weak,
 )
-from identify.model.io.files import InputError
 from identify.model.measurement import Rows, measurement_model
 
 PART = 8192  # rows handled at a time

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration, Errors, fingerprints, summarize
-from identify.model.io.files import InputError
 from identify.model.measurement import Rows, measurement_model, rows
 from identify.model.touch import Positions, Touches
 

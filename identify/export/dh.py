@@ -9,14 +9,14 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
+from identify.compensation.fitting import fitted, folded
 from identify.export.chain import Segments, forward, origins
-from identify.export.fitting import fitted, folded
 from identify.export.formats import Format, Forward, Original
 from identify.model.cell import DEG
+from identify.model.files import sheet_text
 from identify.model.frames import pose, transform
 from identify.model.io.calibration_file import Calibration
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
-from identify.model.io.files import sheet_text
 from identify.model.robot import Robot
 
 COLUMNS = ("theta_deg", "d_mm", "a_mm", "alpha_deg")

@@ -3,11 +3,11 @@
 import re
 from collections.abc import Mapping
 
+from identify.compensation.fitting import geometric
 from identify.export import dh, mastering, plain_json, ur_yaml, urdf
-from identify.export.fitting import geometric
 from identify.export.formats import Deviation, Exported, Format, Original, deviation
+from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 
 FORMATS: Mapping[str, Format] = {
     "urdf": urdf.FORMAT,

@@ -8,10 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.compensation.compensate import tip_transform
+from identify.compensation.fitting import sample
 from identify.model.io.calibration_file import Calibration
-
-POSES = 300  # at which a format is compared
-DRAWS = 20_000
 
 Forward = Callable[[Float[np.ndarray, "poses joints"]], Float[np.ndarray, "poses 4 4"]]
 
@@ -62,14 +60,3 @@ def deviation(calibration: Calibration, forward: Forward) -> Deviation:
     v = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
     turn = np.arctan2(np.linalg.norm(v, axis=1), (np.trace(R, axis1=1, axis2=2) - 1) / 2)
     return Deviation(float(way.mean()), float(way.max()), float(np.degrees(turn.max())))
-
-
-def sample(calibration: Calibration) -> Float[np.ndarray, "poses joints"]:
-    """Joint values within the limits, the same ones each time; those with the tip in the zone where enough are."""
-    cell = calibration.cell
-    q = np.random.default_rng(0).uniform(cell.robot.lower, cell.robot.upper, (DRAWS, len(cell.robot.joints)))
-    if cell.zone is not None:
-        tip = cell.kinematics.tip(q, calibration.theta)[0]
-        inside = ((tip > cell.zone.box[:, 0]) & (tip < cell.zone.box[:, 1])).all(axis=1)
-        q = q[inside] if inside.sum() >= POSES // 3 else q
-    return q[:POSES]

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.compensation.compensate import believed, tip_transform
-from identify.export.fitting import fitted, independent
+from identify.compensation.fitting import fitted, independent
 from identify.export.formats import Format, Forward, Original, deviation
 from identify.model.io.calibration_file import Calibration
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT

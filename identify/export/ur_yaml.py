@@ -14,9 +14,9 @@ from ruamel.yaml import YAML
 from identify.export.chain import Transform, forward, origins, segments
 from identify.export.formats import Format, Forward, Original
 from identify.export.urdf import corrected_origins
+from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.urdf.document import METRE
 
 NAMES = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")

@@ -14,9 +14,9 @@ from identify.compensation.compensate import believed
 from identify.export.chain import Transform, origins, segments, slack_of, turn_to
 from identify.export.formats import Format, Forward, Original
 from identify.export.urdf_text import Joint, UrdfText
+from identify.model.files import InputError, read_text
 from identify.model.frames import inverse, pose, transform
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError, read_text
 from identify.model.kinematics import Kinematics
 from identify.model.urdf.chain import read_urdf
 from identify.model.urdf.document import METRE

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from identify.estimation.verification import require_unseen
 from identify.health.causes import Cause, causes
+from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Touches
 

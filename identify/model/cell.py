@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.io.files import nearest
+from identify.model.files import nearest
 from identify.model.jig import Jig
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot

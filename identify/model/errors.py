@@ -8,12 +8,13 @@ nominal dimensions, which are right to a percent; the tip, whose place may be un
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Literal
+from typing import Literal, Protocol
 
 import casadi as ca
 import numpy as np
+from jaxtyping import Float
 
-from identify.model.robot import Robot
+from identify.model.joint import Joint
 
 DEG = np.pi / 180
 GRAVITY = 9.80665  # [m/s^2]
@@ -43,6 +44,50 @@ SIZES = {
 Target = tuple[Literal["joint", "tilt", "length"], int]
 
 
+class Dimensions(Protocol):
+    """What error models use of a robot: its drawing, its weights, and the names of its models."""
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints from base to flange."""
+
+    @property
+    def base_T_first(self) -> Float[np.ndarray, "4 4"]:
+        """A URDF's base link, before joint 1 [mm]."""
+
+    @property
+    def last_T_flange(self) -> Float[np.ndarray, "4 4"]:
+        """Behind the frame of the last joint [mm]."""
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Rows of ERROR_MODELS that this robot has."""
+
+    @property
+    def up(self) -> tuple[float, float, float]:
+        """Against gravity, in the base frame."""
+
+    @property
+    def payload(self) -> tuple[float, tuple[float, float, float]] | None:
+        """Mass [kg] and its centre [mm] in the flange frame."""
+
+    @property
+    def drawn(self) -> tuple[tuple[float, ...], ...]:
+        """Five link parameters a joint, by the drawing [rad] or [mm]."""
+
+    @property
+    def prismatic(self) -> tuple[bool, ...]:
+        """Whether each joint is prismatic."""
+
+    @property
+    def weighed(self) -> bool:
+        """Whether the masses of the links are known."""
+
+    @property
+    def error_parameters(self) -> tuple[tuple[str, str, str], ...]:
+        """Name, key of its size, and model of every error parameter."""
+
+
 @dataclass(frozen=True, eq=False)
 class Term:
     """One error parameter: its name, the key of its size, and what one unit of it adds, and where."""
@@ -59,7 +104,7 @@ class Arm:
     temperature above the reference [K].
     """
 
-    def __init__(self, robot: Robot, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> None:
+    def __init__(self, robot: Dimensions, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> None:
         self.robot, self.q, self.tool = robot, q, tool
         self.direction, self.warmth = conditions[:-1], conditions[-1]
 
@@ -151,7 +196,7 @@ def compliance(arm: Arm) -> Iterator[Term]:
         yield Term(f"base.{name}", size, {("tilt", axis): pull[axis] for axis in range(3)})
 
 
-def _sags(robot: Robot, pulls: Sequence[tuple[str, ca.SX]]) -> list[tuple[str, str, ca.SX]]:
+def _sags(robot: Dimensions, pulls: Sequence[tuple[str, ca.SX]]) -> list[tuple[str, str, ca.SX]]:
     """One term for all weights where they are known, else one for each."""
     if robot.weighed:
         return [("compliance", "compliance_deg_knm", sum((pull for _, pull in pulls), ca.SX(*pulls[0][1].shape)))]
@@ -198,7 +243,7 @@ ERROR_MODELS: dict[str, Callable[[Arm], Iterator[Term]]] = {
 CONDITIONAL = {"backlash", "thermal"}  # those that depend on how a touch was made
 
 
-def terms(robot: Robot, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> list[Term]:
+def terms(robot: Dimensions, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> list[Term]:
     """The terms of a robot's error models, in the order of the table."""
     return [term for _, term in _terms(Arm(robot, q, tool, conditions))]
 
@@ -212,13 +257,13 @@ def _terms(arm: Arm) -> Iterator[tuple[str, Term]]:
 
 
 @lru_cache(maxsize=64)
-def parameters(robot: Robot) -> tuple[tuple[str, str, str], ...]:
+def parameters(robot: Dimensions) -> tuple[tuple[str, str, str], ...]:
     """Name, key of its size, and model of every error parameter of a robot."""
     arm = Arm(robot, ca.SX.sym("q", len(robot.joints)), ca.SX.sym("tool", 6), conditions(robot))
     return tuple((term.name, term.size, name) for name, term in _terms(arm))
 
 
-def conditions(robot: Robot) -> ca.SX:
+def conditions(robot: Dimensions) -> ca.SX:
     """Directions of the joints and temperature above the reference, as symbols."""
     return ca.SX.sym("conditions", len(robot.joints) + 1)
 
@@ -232,7 +277,7 @@ class Deflected:
     tilt: ca.SX | None  # [rad] about x, y and z of the base; None where it stands firm
 
 
-def deflected(robot: Robot, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -> Deflected:
+def deflected(robot: Dimensions, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -> Deflected:
     """What the error models make of commanded joint values and identified parameters.
 
     Without conditions `made`, the temperature is the reference and gravity tells where joints rest.

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identify.model.cell import Cell
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from identify.model.measurement import Rows, measurement_model, tip_rows
 from identify.model.robot import POSE_NAMES, Robot
 

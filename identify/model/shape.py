@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from identify.model.urdf.meshes import read_mesh
+from identify.model.meshes import read_mesh
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identify.model.cell import Cell, Zone
+from identify.model.files import InputError
 from identify.model.ik import reach
-from identify.model.io.files import InputError
 
 POSES = 300
 ROUNDS = 20  # of drawing, before the zone is called out of reach

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from identify.model.io.files import InputError, Mistake
+from identify.model.files import InputError, Mistake
 from identify.programs import abb, fanuc, kuka, yaskawa
 from identify.programs.records import Maker
 

@@ -21,10 +21,10 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import Field
 
+from identify.model.files import InputError, Mistake
 from identify.model.frames import transform
 from identify.model.io.document import Document, load
 from identify.model.io.entries import pose_of
-from identify.model.io.files import InputError, Mistake
 from identify.model.io.schema import Number, PoseEntry, Positive, Strict
 from identify.model.robot import Robot
 

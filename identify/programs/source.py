@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NoReturn
 
-from identify.model.io.files import InputError, Mistake
+from identify.model.files import InputError, Mistake
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.identifiability import Identifiability, structure
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.measurement import MeasurementModel, Rows, touch_conditions
 
 BUILT = 2  # seed of the signs of what is off

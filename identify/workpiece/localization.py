@@ -8,9 +8,9 @@ from statistics import NormalDist
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.jig import Jig
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Touches

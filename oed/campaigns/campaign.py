@@ -10,9 +10,9 @@ from jaxtyping import Float
 from identify.estimation.calibrate import calibrate
 from identify.estimation.face_association import Belief, believe, believed, free, provisional
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.identifiability import structure
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.touch import HIT, Plan, Touches, joined
 from identify.uncertainty.assurance import assurance, tip_deviation
 from oed.planning.plan import plan as make_plan

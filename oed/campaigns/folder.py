@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
+from identify.model.files import InputError, Mistake, digest, read_text, write_text
 from identify.model.io.calibration_file import Calibration, write_calibration
 from identify.model.io.entries import cell_entry
-from identify.model.io.files import InputError, Mistake, digest, read_text, write_text
 from identify.model.io.tables import plan_text, read_plan, read_touches
 from identify.model.touch import HIT, Plan, Touches, joined
 from oed.campaigns.campaign import Job

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.ik import reach
-from identify.model.io.files import InputError
 from identify.model.jig import Face
 from identify.model.measurement import Rows
 from oed.candidates.edge_margins import EDGE, SHARE, Margins, margins, warnings

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from identify.model.cell import Cell
 from identify.model.ik import reach, within
 from oed.candidates.edge_margins import Margins
-from probe.motion.clearance import CLEAR, MARGIN, Clearance
+from probe.motion.clearance import CLEAR, MARGIN, WIRE, Clearance
 from probe.motion.obstacles import owners
 from probe.motion.torch import STICKOUT
 
@@ -19,7 +19,6 @@ TURN = 0.5  # [rad], most that a joint may turn between approach and contact
 ADVANCE = 0.3  # of the way that the tip should gain along the normal, the least that it does gain, all along
 BRINK = 1.0  # [mm], that the tip stays within the edges on its way, which bends a little
 FINEST = 5.0  # [mm], least margin for which the way is looked at more often
-WIRE = 3.0  # [mm], that the bare wire keeps from all but its own contact
 
 
 class Verdict(IntEnum):

@@ -101,7 +101,7 @@ def _sentence(error: CycloptsError, arguments: Sequence[str]) -> str:
 def _answer(error: Exception) -> int:
     """One sentence for what went wrong, and the exit code that goes with it."""
     from identify.estimation.calibrate import CalibrationFailed
-    from identify.model.io.files import InputError
+    from identify.model.files import InputError
     from probe.line.controller import NotReady, TouchError
 
     if isinstance(error, (InputError, NotReady)):

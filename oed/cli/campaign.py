@@ -9,8 +9,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.cell import Cell
+from identify.model.files import InputError, digest
 from identify.model.io.calibration_file import write_calibration
-from identify.model.io.files import InputError, digest
 from oed.campaigns.campaign import Campaign, Job, Stage
 from oed.campaigns.campaign import campaign as make
 from oed.campaigns.folder import Folder, over_port, standing

@@ -8,9 +8,9 @@ from cyclopts import Parameter
 
 from identify.compensation.compensate import Compensation, Place, remarks
 from identify.compensation.compensate import compensate as corrected
+from identify.model.files import sheet_text, write_text
 from identify.model.io.calibration_file import read_calibration
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
-from identify.model.io.files import sheet_text, write_text
 from identify.model.io.poses import Poses, read_poses
 from identify.model.io.tables import joint_columns
 from identify.model.robot import Robot

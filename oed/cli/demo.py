@@ -16,12 +16,12 @@ from identify.estimation.calibrate import calibrate
 from identify.estimation.face_association import believed
 from identify.estimation.verification import Verification, verify
 from identify.model.cell import Cell
+from identify.model.files import InputError, digest, read_text, sheet_text, write_text
 from identify.model.frames import pose
 from identify.model.identifiability import structure
 from identify.model.io.calibration_file import Calibration, summarize, write_calibration
 from identify.model.io.description import library, read_cell
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
-from identify.model.io.files import InputError, digest, read_text, sheet_text, write_text
 from identify.model.io.tables import positions_text, read_positions, read_touches, touches_text
 from identify.model.touch import Plan, Positions, Touches, joined
 from identify.model.zone import zone_poses

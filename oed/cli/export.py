@@ -9,8 +9,8 @@ from cyclopts import Parameter
 from identify.export.exporting import FORMATS, ends_of
 from identify.export.exporting import export as made
 from identify.export.formats import Exported, Original
+from identify.model.files import InputError, write_text
 from identify.model.io.calibration_file import Calibration, read_calibration
-from identify.model.io.files import InputError, write_text
 from oed.cli.options import Json, print_json
 
 

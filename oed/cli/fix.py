@@ -7,8 +7,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.compensation.compensate import remarks
+from identify.model.files import InputError, read_bytes, write_bytes
 from identify.model.io.calibration_file import read_calibration
-from identify.model.io.files import InputError, read_bytes, write_bytes
 from identify.programs.fixing import Fixed
 from identify.programs.fixing import fix as corrected
 from identify.programs.setup import Setup, read_setup

@@ -12,8 +12,8 @@ from cyclopts import Parameter
 
 from identify.health.causes import looked_for
 from identify.health.judge import LEAST, TOUCH, Finding, Health, judge, noticed
+from identify.model.files import InputError, digest, write_text
 from identify.model.io.calibration_file import Calibration, read_calibration
-from identify.model.io.files import InputError, digest, write_text
 from identify.model.io.tables import plan_text, read_plan
 from identify.model.touch import Plan, Touches, joined
 from oed.cli.options import CellFile, Json, Seed, TrustUnits, load_cell, only_touches, print_json, read_measured

@@ -63,7 +63,7 @@ def identify(
         Joint errors beyond geometry: auto lets the touches choose among harmonics, compliance, backlash, coupling, gear
         and thermal; names, with commas between them, take these; none takes none; cell those of the cell file.
     """
-    from identify.model.io.files import InputError
+    from identify.model.files import InputError
 
     if not files:
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
@@ -83,7 +83,7 @@ def identify(
 def _with_errors(cell: Cell, errors: str) -> Cell:
     """The cell with the error models that an option names."""
     from identify.model.errors import ERROR_MODELS
-    from identify.model.io.files import InputError, nearest
+    from identify.model.files import InputError, nearest
 
     if errors in {"cell", "auto"}:
         return cell

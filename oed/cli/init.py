@@ -6,8 +6,8 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from identify.model.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
 from identify.model.io.description import LIBRARY, library, read_jig, read_robot
-from identify.model.io.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
 from identify.model.io.tables import POINT, joint_columns
 from identify.model.jig import Jig
 from identify.model.robot import Robot

@@ -10,11 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
+from identify.model.files import InputError, digest, write_text
 from identify.model.frames import pose, transform
 from identify.model.io.calibration_file import Calibration, read_calibration
 from identify.model.io.description import named_jig, read_jig
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT, pose_entry
-from identify.model.io.files import InputError, digest, write_text
 from identify.model.touch import joined
 from identify.workpiece.localization import ALARM, Location, said
 from identify.workpiece.localization import locate as located

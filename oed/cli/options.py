@@ -11,9 +11,9 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.cell import Cell
+from identify.model.files import InputError, digest
 from identify.model.io.calibration_file import Calibration, Errors
 from identify.model.io.description import read_cell
-from identify.model.io.files import InputError, digest
 from identify.model.io.tables import is_positions, read_positions, read_touches
 from identify.model.touch import Positions, Touches
 

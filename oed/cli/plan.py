@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from identify.model.files import InputError, digest, write_text
 from identify.model.io.calibration_file import read_calibration
-from identify.model.io.files import InputError, digest, write_text
 from identify.model.io.tables import plan_text
 from oed.cli.options import CellFile, Json, Seed, load_cell, print_json, progress
 

@@ -7,8 +7,8 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from identify.estimation.verification import verify
+from identify.model.files import digest, write_text
 from identify.model.io.calibration_file import Calibration, calibration_entry, read_calibration
-from identify.model.io.files import digest, write_text
 from identify.report.report import report as make
 from oed.cli.options import ladder_lines, read_measured
 

@@ -12,8 +12,8 @@ from cyclopts import Parameter
 
 from identify.estimation.face_association import as_identified
 from identify.model.cell import Cell
+from identify.model.files import InputError, write_text
 from identify.model.io.calibration_file import read_calibration
-from identify.model.io.files import InputError, write_text
 from identify.model.io.tables import read_plan, touches_text
 from identify.model.touch import Plan
 from oed.cli.live import Screen

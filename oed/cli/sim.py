@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell, Controller
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from identify.model.touch import Plan
 from probe.line.clock import Clock
 from probe.runs.journal import read_records

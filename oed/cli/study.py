@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from oed.cli.options import Json, Seed, print_json, progress
 
 if TYPE_CHECKING:

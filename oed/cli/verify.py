@@ -4,8 +4,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from identify.estimation.verification import verify as verify_measured
+from identify.model.files import InputError
 from identify.model.io.calibration_file import read_calibration
-from identify.model.io.files import InputError
 from oed.cli.options import Json, TrustUnits, errors_table, print_json, read_measured
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from oed.cli.options import CellFile, Seed, load_cell
 from probe.virtual.command import choose_truth, run
 

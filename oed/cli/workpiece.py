@@ -8,10 +8,10 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from identify.model.cell import Cell
+from identify.model.files import digest, write_text
 from identify.model.io.calibration_file import read_calibration
 from identify.model.io.description import LIBRARY, named_jig, read_jig
 from identify.model.io.entries import POSE_UNIT, pose_entry
-from identify.model.io.files import digest, write_text
 from identify.model.io.tables import plan_text
 from oed.cli.options import numbers, print_json
 from oed.planning.workpiece import FEWEST, WorkpiecePlan, plan_workpiece

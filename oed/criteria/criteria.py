@@ -74,7 +74,8 @@ class Criterion:
     degree larger is better. `keeps` is what survives a change of units or of base frame, that is rows X T for a regular
     T: the ranking of all designs, the value itself (the zone changes along), or nothing unless T is a rotation. `swaps`
     names the formula that drives the exchange: determinants and traces have one of their own, all others are screened.
-    `bound` names the concave function that certifies it (see `oed.criteria.concave`); without one there is no efficiency.
+    `bound` names the concave function that certifies it (see `oed.criteria.concave`); without
+    one there is no efficiency.
     """
 
     name: str

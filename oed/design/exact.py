@@ -1,7 +1,7 @@
 """Exact designs: the n touches that tell the most, chosen among all candidates.
 
-The search (`oed.design.memetic`) is among the touches that the relaxation nearly uses; what it finds is then improved by
-swaps with every candidate there is, and the relaxation's bound says how much better any set could be.
+The search (`oed.design.memetic`) is among the touches that the relaxation nearly uses; what it finds is then improved
+by swaps with every candidate there is, and the relaxation's bound says how much better any set could be.
 """
 
 import time

@@ -1,6 +1,7 @@
 """Approximate designs: the best weights on all candidates, by column generation, with a bound that nothing beats.
 
-The search for weights is `oed.design.column_generation`; the functions of information, and why their tangents bound them, `oed.criteria.concave`.
+The search for weights is `oed.design.column_generation`; the functions of information, and why their tangents bound
+them, `oed.criteria.concave`.
 Where candidates see less than all parameters, a criterion for the zone is asked in the space that they see.
 """
 

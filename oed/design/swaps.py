@@ -6,8 +6,9 @@ With C = M^-1, rows x of the touch that goes and y of the one that comes, and B 
     tr(W C)    by  -[(1 - x'Cx) y'By + 2 x'Cy x'By - (1 + y'Cy) x'Bx] / that factor
 
 so D and the traces need covariances of the set with the pool, which follow each swap by a low-rank update. Any other
-criterion is screened with the trace that touches it (`oed.design.first_order_swaps`). Tables are single precision: they rank. Where
-there are no more touches than parameters, 1 - x'Cx is next to nothing: they need double, and no updates.
+criterion is screened with the trace that touches it (`oed.design.first_order_swaps`). Tables are single precision:
+they rank. Where there are no more touches than parameters, 1 - x'Cx is next to nothing: they need double, and no
+updates.
 """
 
 from abc import ABC, abstractmethod

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from oed.candidates.candidates import Candidates
 from oed.planning.candidate_set import Offer
 

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.touch import Plan
 from identify.uncertainty.information import Knowledge, knowledge_after, touch_sigma
 from oed.design.matrix import sensitivities

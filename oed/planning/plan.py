@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from identify.model.cell import Cell
+from identify.model.files import InputError, nearest
 from identify.model.identifiability import structure
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError, nearest
 from identify.model.touch import Plan
 from identify.uncertainty.information import touch_sigma
 from identify.uncertainty.promise import Promise

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.files import InputError
 from identify.model.jig import Jig
 from identify.model.touch import Plan
 from identify.uncertainty.information import touch_sigma

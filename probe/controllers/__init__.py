@@ -6,7 +6,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from identify.model.io.files import InputError, nearest
+from identify.model.files import InputError, nearest
 from identify.model.robot import Robot
 from probe.line.clock import Clock
 from probe.line.controller import Controller, LinkLost, TouchError

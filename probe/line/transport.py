@@ -9,7 +9,7 @@ from typing import Any
 import serial
 from serial.tools import list_ports
 
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from probe.line.clock import Clock
 from probe.line.controller import LinkLost
 from probe.line.transcript import Recorder, Transport

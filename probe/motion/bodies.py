@@ -6,9 +6,10 @@ from importlib.util import find_spec
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.robot import Capsule, Robot
+from identify.model.joint import Capsule
+from identify.model.meshes import READERS
+from identify.model.robot import Robot
 from identify.model.shape import Shape
-from identify.model.urdf.meshes import READERS
 
 PRIMITIVES = ("box", "cylinder", "sphere")
 EXTRA = "touchcal[collision]"

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
-from identify.model.robot import Capsule
+from identify.model.joint import Capsule
 from probe.motion.bodies import Body, bodies, exact_meshes, notes
 from probe.motion.distances import Points, segment_segment
 from probe.motion.obstacles import Obstacle, obstacles
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from probe.motion.mesh_distance import Exact
 
 MARGIN = 10.0  # [mm], from everything else
+WIRE = 3.0  # [mm], that the bare wire keeps from all but its own contact
 NEAR = 1.0  # [mm], of the torch from the solid whose face it touches: the tip itself holds this distance
 CHUNK = 4096  # postures at a time, for the cache
 GENERIC = 300  # postures that show which capsules always overlap

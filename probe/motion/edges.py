@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
 from identify.model.ik_step import LEVER
-from oed.candidates.feasibility import WIRE
-from probe.motion.clearance import CLEAR, MARGIN, Clearance
+from probe.motion.clearance import CLEAR, MARGIN, WIRE, Clearance
 from probe.motion.torch import STICKOUT
 
 COARSE = 0.2  # [rad] a joint may turn between two postures that are looked at, of ways that could be taken

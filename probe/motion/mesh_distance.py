@@ -12,7 +12,7 @@ import coal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from identify.model.robot import Capsule
+from identify.model.joint import Capsule
 from identify.model.shape import Shape
 from probe.motion.obstacles import Obstacle
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from identify.model.cell import Cell
 from identify.model.frames import transform
-from identify.model.robot import Capsule
+from identify.model.joint import Capsule
 
 STICKOUT = 18.0  # [mm] of bare wire before the nozzle
 NOZZLE, BODY = 10.0, 20.0  # [mm], radii of the gas nozzle and of the torch behind it

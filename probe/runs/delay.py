@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 from identify.model.touch import HIT, Touches
 from probe.runs.records import Reading, Result
 

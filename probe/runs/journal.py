@@ -6,7 +6,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-from identify.model.io.files import InputError, Mistake
+from identify.model.files import InputError, Mistake
 
 Record = dict[str, Any]
 

@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 
 
 class Lock:

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from identify.model.cell import Cell
-from identify.model.io.files import InputError, Mistake
+from identify.model.files import InputError, Mistake
 from identify.model.touch import Plan
 from probe.motion.joint_path import Geometry, Target
 from probe.motion.router import Ways

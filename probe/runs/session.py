@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.io.files import InputError, Mistake, write_text
+from identify.model.files import InputError, Mistake, write_text
 from identify.model.io.tables import plan_text, touch_columns, touches_text
 from identify.model.touch import HIT, Plan, Touches
 from probe.line.clock import Clock

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.io.description import read_cell
-from identify.model.io.files import InputError
 from probe.virtual.faults import KINDS
 from probe.virtual.server import VirtualCell
 from probe.virtual.truth import Truth, draw_truth, read_truth, truth_path

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identify.model.io.files import InputError, nearest
+from identify.model.files import InputError, nearest
 
 LINE, SEARCH, MOVE = "line", "search", "move"
 KINDS = {

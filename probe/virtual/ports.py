@@ -10,7 +10,7 @@ import tty
 from pathlib import Path
 from typing import Protocol
 
-from identify.model.io.files import InputError
+from identify.model.files import InputError
 
 BLOCK = 4096  # bytes read at once
 

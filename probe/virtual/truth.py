@@ -30,10 +30,10 @@ from jaxtyping import Float, Int
 from pydantic import Field
 
 from identify.model.cell import DEG, Cell
+from identify.model.files import InputError, Mistake, nearest
 from identify.model.frames import rotation
 from identify.model.io.checks import error_mistakes
 from identify.model.io.document import Document, load
-from identify.model.io.files import InputError, Mistake, nearest
 from identify.model.io.schema import Strict
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot

@@ -14,8 +14,8 @@ from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from identify.model.cell import Cell
+from identify.model.files import InputError, Mistake, read_text, write_text
 from identify.model.io.entries import cell_entry, cell_from_entry
-from identify.model.io.files import InputError, Mistake, read_text, write_text
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from identify.model.errors import ERROR_MODELS, SIZES
+from identify.model.files import Mistake, nearest
 from identify.model.io.document import Document, entries, usable
-from identify.model.io.files import Mistake, nearest
 from identify.model.io.schema import (
     BoxEntry,
     CapsuleEntry,

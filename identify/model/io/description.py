@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Literal
 
 from identify.model.cell import Cell
+from identify.model.files import InputError, Mistake, digest, nearest
 from identify.model.io.checks import cell_mistakes, error_mistakes, error_value_mistakes, jig_mistakes, robot_mistakes
 from identify.model.io.document import Document, usable, validated
 from identify.model.io.entries import cell_of, equipped, jig_of, robot_of
-from identify.model.io.files import InputError, Mistake, digest, nearest
 from identify.model.io.schema import CellFile, JigFile, RobotFile, UrdfEntry
 from identify.model.jig import Jig
 from identify.model.robot import Robot

@@ -9,7 +9,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.reader import ReaderError
 
-from identify.model.io.files import InputError, Mistake, nearest, read_text
+from identify.model.files import InputError, Mistake, nearest, read_text
 from identify.model.io.schema import Strict
 
 Model = TypeVar("Model", bound=Strict)

@@ -7,11 +7,12 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import DEG, Cell, Controller, Priors, TouchSettings, Wire, Zone
+from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.io import schema
-from identify.model.io.files import InputError
 from identify.model.jig import Box, Face, Jig
-from identify.model.robot import POSE_NAMES, Capsule, Joint, Robot
+from identify.model.joint import Capsule, Joint
+from identify.model.robot import POSE_NAMES, Robot
 
 POSE_KEYS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
 LINK_UNIT = np.array([DEG, 1.0, 1.0, DEG, DEG])

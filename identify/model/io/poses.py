@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.files import Sheet, read_sheet
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
-from identify.model.io.files import Sheet, read_sheet
 from identify.model.touch import Table
 
 RIGHT = (np.pi / 2, np.pi)  # what a right angle and a half turn look like in radians

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.io.files import Sheet, read_sheet, read_text, sheet_text
+from identify.model.files import Sheet, read_sheet, read_text, sheet_text
 from identify.model.jig import Jig
 from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.files import InputError, nearest
 from identify.model.frames import inverse
-from identify.model.io.files import InputError, nearest
-from identify.model.robot import Joint, Robot
+from identify.model.joint import Joint
+from identify.model.robot import Robot
 from identify.model.urdf.axes import Axis, chain
 from identify.model.urdf.document import LONGEST, METRE, Urdf, end, origin, parsed
 from identify.model.urdf.shapes import collision_shapes

@@ -9,8 +9,8 @@ from xml.parsers import expat
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.files import InputError, Mistake, read_text
 from identify.model.frames import transform
-from identify.model.io.files import InputError, Mistake, read_text
 
 METRE = 1000.0  # [mm]
 LONGEST = 30.0  # [m], a longer offset or stroke was meant in millimetres

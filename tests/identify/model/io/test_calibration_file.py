@@ -1,0 +1,83 @@
+"""calibration.json: what is no calibration is refused in one sentence, wherever it is broken."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from measured import poses_over_jig, touches_at
+
+from identify.estimation.calibrate import calibrate
+from identify.model.files import InputError
+from identify.model.io.calibration_file import read_calibration, write_calibration
+
+
+@pytest.fixture(scope="module")
+def document(arc_welder, tmp_path_factory):
+    """What calibration.json holds."""
+    rng, path = np.random.default_rng(3), tmp_path_factory.mktemp("calibration") / "calibration.json"
+    touches = touches_at(arc_welder, arc_welder.theta, poses_over_jig(arc_welder, 60, rng), rng)
+    write_calibration(path, calibrate(arc_welder, touches, folds=0))
+    return json.loads(path.read_text())
+
+
+def refused(document, folder):
+    """What reading a document as calibration.json says, if it is refused; a sentence that names the file."""
+    path = folder / "calibration.json"
+    path.write_text(document if isinstance(document, str) else json.dumps(document))
+    try:
+        read_calibration(path)
+    except InputError as error:
+        said = str(error)
+    else:
+        said = ""
+    assert not said or said.startswith(str(path))
+    return said
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "sentence"),
+    [
+        ("fit", None, "not a calibration: fit: Input should be"),
+        ("covariance", [], "its covariance is 0 x 0, expected 25 x 25, a row a parameter; make it again"),
+        ("covariance", [[1.0], [1.0, 2.0]], "its covariance is 2 x 1 or 2, expected 25 x 25"),
+        ("covariance", np.zeros((25, 25)).tolist(), "its covariance is not one: variances and covariances do not fit"),
+        ("parameters", [], "its parameters are not those of its robot"),
+        ("touchcal", 3, "not a calibration: touchcal: Input should be a valid string"),
+    ],
+)
+def test_a_file_that_is_no_calibration_is_refused_in_one_sentence(key, value, sentence, document, tmp_path):
+    assert sentence in refused(document | {key: value}, tmp_path)
+
+
+@pytest.mark.parametrize(("key", "value"), [("fixed", ["j9.theta"]), ("bounds", {"j9.theta": [0, 1]})])
+def test_a_cell_in_a_calibration_that_names_what_its_robot_lacks_is_refused(key, value, document, tmp_path):
+    said = refused(document | {"cell": document["cell"] | {key: value}}, tmp_path)
+
+    assert "not a calibration: robot 'arc-welder' has no parameter 'j9.theta'; make it again" in said
+
+
+@given(data=st.data())
+def test_a_calibration_cut_short_or_spoiled_anywhere_is_read_or_refused(data, document, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("spoiled")
+    text = json.dumps(document)
+
+    assert refused(text[: data.draw(st.integers(0, len(text) - 1))], folder)
+    refused(spoiled(copy.deepcopy(document), data.draw), folder)
+
+
+def spoiled(document, draw):
+    """A document one of whose values is gone or replaced."""
+    place = document
+    while True:
+        key = draw(st.sampled_from(sorted(place) if isinstance(place, dict) else range(len(place))))
+        if not isinstance(place[key], dict | list) or not place[key] or draw(st.integers(0, 3)) == 0:
+            break
+        place = place[key]
+    if draw(st.booleans()):
+        del place[key]
+    else:
+        place[key] = draw(st.sampled_from([None, [], {}, "", 0, -1, 1e308, 1e-320, True, "x", [[1]]]))
+    return document

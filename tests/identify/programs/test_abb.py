@@ -1,0 +1,329 @@
+"""ABB RAPID modules: targets are told from tools and work objects, and corrected with those they are used with."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from programs import (
+    CELL,
+    EXACT,
+    ROUND_DEG,
+    ROUND_MM,
+    SAME,
+    base_T_tip,
+    from_quaternion,
+    from_wpr,
+    joints,
+    off,
+    off_joints,
+    quaternion,
+    sides,
+    wounded,
+)
+
+from identify.compensation.postures import nominal
+from identify.model.files import InputError
+from identify.model.frames import inverse, transform
+from identify.programs.fixing import fix
+from identify.programs.setup import Setup
+
+Q = np.array([0.1, 0.2, -0.3, 0.4, 0.9, 0.3])
+FRAME = from_wpr(np.array([500.0, -100.0, 200.0, 30.0, -10.0, 5.0]))
+FLANGE_T_TIP = transform(CELL.theta[-6:])
+FLANGE_T_TOOL = FLANGE_T_TIP @ from_wpr(np.array([0.0, 5.0, 20.0, 0.0, 15.0, 0.0]))
+NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
+EAX = "[9E9,9E9,9E9,9E9,9E+09,9E9]"
+
+
+def listed(values, digits):
+    return "[" + ",".join(f"{v:.{digits}f}" for v in values) + "]"
+
+
+def confdata(q):
+    side = sides(q)
+    quadrants = [int(np.floor(np.degrees(q[i]) / 90)) for i in (0, 3, 5)]
+    return [*quadrants, (1 if q[4] < 0 else 0) + (0 if side.above else 2) + (0 if side.front else 4)]
+
+
+def target(q, T=None, mm=3, unit=9, conf=None):
+    values = quaternion(base_T_tip(q) if T is None else T)
+    flags = ",".join(map(str, confdata(q) if conf is None else conf))
+    return f"[{listed(values[:3], mm)},{listed(values[3:], unit)},[{flags}],{EAX}]"
+
+
+def joint_target(q):
+    return f"[{listed(np.degrees(q), 4)},{EAX}]"
+
+
+def pose(T):
+    values = quaternion(T)
+    return f"{listed(values[:3], 6)},{listed(values[3:], 9)}"
+
+
+def tooldata(name, T, hold="TRUE"):
+    return f"PERS tooldata {name}:=[{hold},[{pose(T)}],[2.5,[0,0,80],[1,0,0,0],0,0,0]];"
+
+
+def wobjdata(name, T, head='FALSE,TRUE,""'):
+    half = transform(np.array([10.0, 0, 0, 0, 0, 0.5]))
+    return f"TASK PERS wobjdata {name} := [{head},[{pose(T @ half)}],[{pose(inverse(half))}]];"
+
+
+def module(*lines, end="\n"):
+    return end.join(["%%%", "  VERSION:1", "%%%", "MODULE Seam", *lines, "ENDMODULE", ""])
+
+
+def fixed(text, calibration=EXACT, setup=None):
+    return fix(calibration, {"seam.mod": text.encode("latin-1")}, setup)[0]
+
+
+def read(text, name):
+    """Numbers behind a name, in their order: a reader of its own."""
+    return np.array([float(v) for v in re.findall(NUMBER, text[text.index(name) + len(name) :])[:17]])
+
+
+def told(result, name):
+    return from_quaternion(read(result.after.decode("latin-1"), name)[:7])
+
+
+remark = st.text("abc [],;:=!ä0", max_size=10)
+
+
+@st.composite
+def programs(draw):
+    """A module and what it holds."""
+    end, lines, drawn = draw(st.sampled_from(["\n", "\r\n"])), [], []
+    for i in range(draw(st.integers(1, 4))):
+        q, kind = draw(joints), draw(st.sampled_from(["robtarget", "jointtarget", "inline", "short"]))
+        scope = draw(st.sampled_from(["CONST", "LOCAL PERS", "VAR", "TASK PERS"]))
+        text = joint_target(q) if kind == "jointtarget" else target(q, mm=draw(st.integers(2, 7)))
+        gap = draw(st.sampled_from(["", " ", end + "    "]))
+        text = text.replace("],[", f"],{gap}[") if kind == "robtarget" else text
+        text = target(q, mm=0, unit=6) if kind == "short" else text
+        line = f"{scope} {'robtarget' if kind == 'short' else kind} p{i}_ := {text};"
+        line = f"MoveL {text},v100,fine,tool1;" if kind == "inline" else line
+        lines += [line + f" !{draw(remark)}", f'TPWrite "p{i}_ := {draw(st.text("[]a", max_size=4))}";']
+        drawn.append((kind, q))
+    return module(*lines, end=end), drawn
+
+
+@given(programs())
+@settings(max_examples=25)
+def test_a_robot_that_is_as_believed_changes_no_byte(drawn):
+    assert fixed(drawn[0], SAME).after == drawn[0].encode("latin-1")
+
+
+@given(programs())
+@settings(max_examples=25)
+def test_corrected_targets_bring_the_true_robot_where_the_program_said(drawn):
+    text, targets = drawn
+
+    result = fixed(text)
+
+    after, left = result.after.decode("latin-1"), {mention.line for mention in result.left}
+    places, again = (list(re.finditer(r'(?<!")p\d_ := \[|MoveL \[', whole)) for whole in (text, after))
+    for (kind, q), old_at, new_at in zip(targets, places, again, strict=True):
+        old, new = read(text[old_at.start() :], old_at[0]), read(after[new_at.start() :], new_at[0])
+        if text.count("\n", 0, old_at.end()) + 1 in left:
+            assert np.array_equal(old, new)
+        elif kind == "jointtarget":
+            assert off_joints(np.radians(new[:6]), base_T_tip(q))[0] < 0.01
+        else:
+            assert np.array_equal(old[7:], new[7:])
+            error = off(from_quaternion(new[:7]), from_quaternion(old[:7]), q)
+            assert error[0] < ROUND_MM
+            assert error[1] < ROUND_DEG
+
+
+@given(programs())
+@settings(max_examples=25)
+def test_nothing_but_numbers_changes(drawn):
+    text = drawn[0]
+
+    after = fixed(text).after.decode("latin-1")
+
+    assert re.sub(NUMBER, "#", after) == re.sub(NUMBER, "#", text)
+
+
+def test_quaternions_get_six_decimals_at_least_and_lengths_three():
+    after = fixed(module(f"CONST robtarget p1:={target(Q, mm=1, unit=4)};")).after.decode()
+
+    numbers = re.findall(r"-?\d+\.(\d+)", after)
+    assert [len(n) for n in numbers] == [3, 3, 3, 6, 6, 6, 6]
+
+
+def test_quaternions_in_exponents_are_read():
+    T = from_wpr(np.array([*base_T_tip(Q)[:3, 3], 0.0, 0.0, 0.0])) @ from_wpr(np.array([0, 0, 0, 0, 1e-4, 150.0]))
+    values = quaternion(T)
+    text = module(
+        f"CONST robtarget p1:=[{listed(values[:3], 3)},[{','.join(f'{v:.5E}' for v in values[3:])}],[0,0,0,0],{EAX}];"
+    )
+
+    result = fixed(text, setup=Setup(posture="nearest"))
+
+    assert len(result.shift) + len(result.left) == 1
+    assert result.left == () or not result.left[0].why.startswith("orientation")
+
+
+def test_tools_and_work_objects_stay_as_they_are_and_are_heeded():
+    tip_T_tool = inverse(FLANGE_T_TIP) @ FLANGE_T_TOOL
+    written = inverse(FRAME) @ base_T_tip(Q) @ tip_T_tool
+    data = [tooldata("tGun", FLANGE_T_TOOL), wobjdata("wPart", FRAME)]
+    text = module(
+        *data, f"CONST robtarget p1:={target(Q, written)};", "PROC main()", "  MoveL p1,v100,fine,tGun\\WObj:=wPart;"
+    )
+
+    result = fixed(text)
+
+    after = result.after.decode()
+    assert all(line in after for line in data)
+    assert off(FRAME @ told(result, "p1:=") @ inverse(tip_T_tool), base_T_tip(Q), Q)[0] < 2 * ROUND_MM
+    assert result.mentions == ()
+
+
+@pytest.mark.parametrize("instruction", [
+    "MoveL p1,v100,fine,tGun\\WObj:=wPart;", "MoveJ \\Conc,p1,v100\\T:=2,z10,tGun \\Wobj := wPart;",
+    "MoveC p9,p1,v100,z10,tGun\\WObj:=wPart;", "ArcLStart p1,v50,seam1,weld1\\Weave:=w1,fine,tGun\\WObj:=wPart;",
+    "MoveL Offs(p1,0,0,10),v100,z10,tGun\\WObj:=wPart;",
+])  # fmt: skip
+def test_the_tool_and_work_object_of_any_motion_are_found(instruction):
+    written = inverse(FRAME) @ base_T_tip(Q) @ inverse(FLANGE_T_TIP) @ FLANGE_T_TOOL
+    text = module(f"CONST robtarget p1:={target(Q, written)};", "PROC main()", "  " + instruction, "ENDPROC")
+
+    result = fixed(text, setup=Setup({"wPart": FRAME}, {"tGun": FLANGE_T_TOOL}))
+
+    command = FRAME @ told(result, "p1:=") @ inverse(FLANGE_T_TOOL) @ FLANGE_T_TIP
+    assert off(command, base_T_tip(Q), Q)[0] < 2 * ROUND_MM
+    assert [m.why.split(":")[0] for m in result.mentions] == (["offset"] if "Offs" in instruction else [])
+
+
+def test_tools_declared_in_another_module_are_found():
+    written = base_T_tip(Q) @ inverse(FLANGE_T_TIP) @ FLANGE_T_TOOL
+    main = module(f"CONST robtarget p1:={target(Q, written)};", "PROC main()", "  MoveJ p1,v100,fine,tGun;")
+    files = {"main.mod": main.encode(), "data.mod": module(tooldata("tGun", FLANGE_T_TOOL)).encode()}
+
+    result = fix(EXACT, files)[0]
+
+    assert off(told(result, "p1:=") @ inverse(FLANGE_T_TOOL) @ FLANGE_T_TIP, base_T_tip(Q), Q)[0] < 2 * ROUND_MM
+
+
+def test_tool0_is_the_flange():
+    text = module(f"MoveL {target(Q, base_T_tip(Q) @ inverse(FLANGE_T_TIP))},v100,fine,tool0;")
+
+    assert off(told(fixed(text), "MoveL") @ FLANGE_T_TIP, base_T_tip(Q), Q)[0] < 0.01
+
+
+@pytest.mark.parametrize(("data", "use", "why"), [
+    (tooldata("tGun", FLANGE_T_TOOL, "FALSE"), "tGun", "frame: its tool stands still and the robot holds the work"),
+    (wobjdata("wPart", FRAME, 'TRUE,TRUE,""'), "t\\WObj:=wPart", "frame: the robot holds its work object"),
+    (wobjdata("wPart", FRAME, 'FALSE,FALSE,"S1"'), "t\\WObj:=wPart", "frame: its work object moves with another mechanism"),  # noqa: E501
+])  # fmt: skip
+def test_targets_in_frames_that_move_are_left_alone(data, use, why):
+    text = module(data, f"CONST robtarget p1:={target(Q)};", "PROC main()", f"  MoveL p1,v100,fine,{use};")
+
+    assert fixed(text).left[0].why == why
+
+
+def test_a_target_used_with_two_tools_is_left_alone():
+    text = module(f"CONST robtarget p1:={target(Q)};", "MoveL p1,v100,fine,tool0;", "MoveL p1,v100,fine,tGun;")
+
+    assert fixed(text).left[0].why == "frame: it is used with more than one tool or work object"
+
+
+def test_arrays_of_targets_are_corrected_one_by_one():
+    second = Q + 0.05
+    text = module(f"CONST robtarget pts{{2}}:=[{target(Q)},", f"    {target(second)}];")
+
+    result = fixed(text)
+
+    assert len(result.shift) == 2
+    assert off(told(result, ",\n    "), base_T_tip(second), second)[0] < ROUND_MM
+
+
+def test_absolute_joint_moves_are_corrected_and_other_lists_of_six_are_not():
+    text = module(f"MoveAbsJ {joint_target(Q)}\\NoEOffs,v100,fine,tool0;", f"VAR mytype m:={joint_target(Q)};")
+
+    result = fixed(text)
+
+    assert len(result.shift) == 1
+    assert off_joints(np.radians(read(result.after.decode(), "MoveAbsJ")[:6]), base_T_tip(Q))[0] < 0.01
+    assert f"m:={joint_target(Q)};" in result.after.decode()
+
+
+def test_targets_in_comments_and_strings_stay():
+    text = module(f"! CONST robtarget p1:={target(Q)};", 'TPWrite "[[1,2,3],[1,0,0,0]";', "! [[")
+
+    assert fixed(text).after == text.encode()
+
+
+def test_targets_with_decimals_in_their_confdata_or_computed_are_named():
+    text = module(
+        f"CONST robtarget p1:={target(Q, conf=['0.0', 0, 0, 0])};",
+        f"VAR robtarget p2:={target(Q).replace('[[', '[[dx+', 1)};",
+    )
+
+    result = fixed(text)
+
+    assert result.after == text.encode()
+    assert [(m.name, m.why.split(":")[0]) for m in result.mentions] == [("p1", "computed"), ("p2", "computed")]
+
+
+def test_a_quaternion_that_is_no_orientation_is_left_alone():
+    text = module(f"CONST robtarget p1:=[{listed(base_T_tip(Q)[:3, 3], 3)},[0.5,0,0,0],[0,0,0,0],{EAX}];")
+
+    assert fixed(text).left[0].why == "orientation: its quaternion has length 0.5, expected 1"
+
+
+def test_confdata_decide_which_way_a_target_is_corrected():
+    T = transform(CELL.theta[:6]) @ base_T_tip(Q)
+    other = nominal(CELL.kinematics, CELL.theta, T[None], Q + np.array([0, 0, 0, np.pi, -1.8, np.pi]))[0][0]
+
+    for q in (Q, other):
+        command = told(fixed(module(f"CONST robtarget p1:={target(q, base_T_tip(Q))};")), "p1:=")
+        assert off(command, base_T_tip(Q), q)[0] < ROUND_MM
+
+
+def test_a_joint_that_leaves_its_quadrant_is_corrected_and_mentioned():
+    q = Q.copy()
+    q[3] = 0.001  # the correction takes it below zero
+
+    result = fixed(module(f"CONST robtarget p1:={target(q)};"))
+
+    assert len(result.shift) == 1
+    assert any("posture flags" in mention.why for mention in result.mentions)
+
+
+BROKEN = {
+    "no module": ("MODULE", "PART", "expected MODULE: not a RAPID module"),
+    "cut short": ("\nENDMODULE", "", "MODULE without ENDMODULE; is the file cut short?"),
+    "bracket": (";\nENDMODULE", ";\nx:=[1,2;\nENDMODULE", "seam.mod:6: column 8: found"),
+    "empty": ("[9E9,", "[,", "expected a value in the '[' of line 5"),
+    "semicolon": ("],[9E9", ";[9E9", "seam.mod:5: column"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_module_is_refused_with_line_and_column(case):
+    old, new, sentence = BROKEN[case]
+    text = module(f"CONST robtarget p1:={target(Q)};")
+    assert old in text
+
+    with pytest.raises(InputError) as error:
+        fixed(text.replace(old, new) if old == "MODULE" else text.replace(old, new, 1))
+
+    assert sentence in str(error.value)
+
+
+WHOLE = module(f"CONST robtarget p1:={target(Q)};", f"PERS jointtarget j:={joint_target(Q)};", "MoveL p1,v1,z1,tool1;")
+
+
+@given(wounded(WHOLE, ["]", "[", ";", "=", "1", "-", '"', "\n", ",", "!"]))
+def test_mutilated_modules_end_in_a_sentence_or_in_a_module_of_the_same_form(text):
+    try:
+        result = fixed(text)
+    except InputError:
+        return
+
+    assert re.sub(r"[\d.E+-]+", "#", result.after.decode()) == re.sub(r"[\d.E+-]+", "#", text)

@@ -1,0 +1,261 @@
+"""Yaskawa jobs: positions are corrected under the headers that hold for them, pulses where their number is known."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from programs import (
+    CELL,
+    EXACT,
+    ROUND_DEG,
+    ROUND_MM,
+    SAME,
+    base_T_tip,
+    from_wpr,
+    joints,
+    off,
+    off_joints,
+    sides,
+    wounded,
+    wpr,
+)
+
+from identify.model.files import InputError
+from identify.model.frames import inverse, transform
+from identify.programs.fixing import fix
+from identify.programs.setup import Setup
+
+Q = np.array([0.1, 0.2, -0.3, 0.4, 0.9, 0.3])
+PULSES = np.array([1341.4, 1200.0, -1333.3, 900.1, 980.0, 512.5])
+FRAME = from_wpr(np.array([500.0, -100.0, 200.0, 30.0, -10.0, 5.0]))
+
+
+def rconf(q):
+    side = sides(q)
+    return f"///RCONF 1,{0 if side.above else 1},{0 if side.front else 1},0,0,0,0,0"
+
+
+def pose(q, T=None, digits=(3, 4)):
+    x, y, z, rz, ry, rx = wpr(base_T_tip(q) if T is None else T)
+    return ",".join([f"{v:.{digits[0]}f}" for v in (x, y, z)] + [f"{v:.{digits[1]}f}" for v in (rx, ry, rz)])
+
+
+def pulses(q):
+    return ",".join(f"{v:.0f}" for v in np.degrees(q) * PULSES)
+
+
+def job(*lines, end="\n", instructions=("MOVL C00000 V=11.0",)):
+    head = ["/JOB", "//NAME SEAM", "//POS", f"///NPOS {len(lines)},0,0,0,0,0"]
+    return end.join([*head, *lines, "//INST", "///DATE 2024/05/06 10:11", "///ATTR SC,RW", "///GROUP1 RB1", "NOP",
+                     *instructions, "END", ""])  # fmt: skip
+
+
+def fixed(text, calibration=EXACT, setup=Setup(near=Q)):  # noqa: B008
+    content = text if isinstance(text, bytes) else text.encode("latin-1")
+    return fix(calibration, {"SEAM.JBI": content}, setup)[0]
+
+
+def read(text, name):
+    """Numbers of the line of a position: a reader of its own."""
+    line = next(row for row in re.split(r"\r?\n", text) if row.startswith(name + "="))
+    return np.array([float(v) for v in line.split("=")[1].split(",")])
+
+
+def told(result, name):
+    x, y, z, rx, ry, rz = read(result.after.decode("latin-1"), name)[:6]
+    return from_wpr(np.array([x, y, z, rz, ry, rx]))
+
+
+@st.composite
+def programs(draw):
+    """A job and what its lines hold; the headers change where they must, and sometimes where they need not."""
+    end, lines, drawn, header = draw(st.sampled_from(["\n", "\r\n"])), [], [], None
+    for i in range(draw(st.integers(1, 5))):
+        q, kind = draw(joints), draw(st.sampled_from(["pose", "pulse", "user", "tool", "angle"]))
+        head = {
+            "pose": ["///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(q)],
+            "user": ["///USER 4", "///TOOL 1", "///POSTYPE USER", "///RECTAN", rconf(q)],
+            "tool": ["///POSTYPE TOOL", "///RECTAN", rconf(q)],
+            "pulse": ["///POSTYPE PULSE", "///PULSE"],
+            "angle": ["///POSTYPE ANGLE", "///ANGLE"],
+        }[kind]
+        lines += head if head != header or draw(st.booleans()) else []
+        header = head
+        T = inverse(FRAME) @ base_T_tip(q) if kind == "user" else None
+        angles = ",".join(f"{v:.4f}" for v in np.degrees(q))
+        body = {"pulse": pulses(q), "angle": angles}.get(kind, pose(q, T))
+        extra = draw(st.sampled_from(["", "", ",0.0000"])) if kind == "pose" else ""
+        lines.append(f"C{i:05d}={body}{extra}")
+        if draw(st.booleans()):
+            lines += [f"EC{i:05d}=1000,-20"]
+        drawn.append((kind, q))
+    return job(*lines, end=end), drawn
+
+
+SETUP = Setup({"4": FRAME}, pulses=PULSES, near=Q)
+
+
+@given(programs())
+@settings(max_examples=25)
+def test_a_robot_that_is_as_believed_changes_no_byte(drawn):
+    assert fixed(drawn[0], SAME, SETUP).after == drawn[0].encode("latin-1")
+
+
+@given(programs())
+@settings(max_examples=25)
+def test_corrected_positions_bring_the_true_robot_where_the_job_said(drawn):
+    text, positions = drawn
+
+    result = fixed(text, setup=SETUP)
+
+    after, left = result.after.decode("latin-1"), {mention.name for mention in result.left}
+    for i, (kind, q) in enumerate(positions):
+        name = f"C{i:05d}"
+        old, new = read(text, name), read(after, name)
+        assert kind != "tool" or name in left
+        if name in left:
+            assert np.array_equal(old, new)
+        elif kind not in {"pulse", "angle"} and q[4] < 0:
+            assert not np.array_equal(old, new)  # another wrist than the one that near_deg means
+        elif kind in {"pulse", "angle"}:
+            degrees = new / PULSES if kind == "pulse" else new
+            assert off_joints(np.radians(degrees), base_T_tip(q))[0] < 0.03  # a pulse is a thousandth of a degree
+        else:
+            base_T_frame = FRAME if kind == "user" else np.eye(4)
+            a, b = (from_wpr(v[[0, 1, 2, 5, 4, 3]]) for v in (new, old))
+            error = off(base_T_frame @ a, base_T_frame @ b, q)
+            assert error[0] < ROUND_MM
+            assert error[1] < ROUND_DEG
+            assert np.array_equal(old[6:], new[6:])
+
+
+@given(programs())
+@settings(max_examples=25)
+def test_nothing_but_numbers_of_positions_changes(drawn):
+    text = drawn[0]
+
+    after = fixed(text, setup=SETUP).after.decode("latin-1")
+
+    rows = [re.split(r"(?<=\n)", whole) for whole in (text, after)]
+    for old, new in zip(*rows, strict=True):
+        assert old == new or re.sub(r"-?[\d.]+", "#", old) == re.sub(r"-?[\d.]+", "#", new)
+        assert old == new or old.startswith("C0")
+
+
+def test_headers_hold_during_and_after():
+    second = Q + 0.05
+    T = [inverse(FRAME) @ base_T_tip(q) for q in (Q, second)]
+    text = job("///USER 4", "///TOOL 1", "///POSTYPE USER", "///RECTAN", rconf(Q),
+               f"C00000={pose(Q, T[0])}", f"C00001={pose(second, T[1])}", "///POSTYPE BASE",
+               f"C00002={pose(Q)}")  # fmt: skip
+
+    result = fixed(text, setup=SETUP)
+
+    for name, q, frame in (("C00000", Q, FRAME), ("C00001", second, FRAME), ("C00002", Q, np.eye(4))):
+        assert off(frame @ told(result, name), base_T_tip(q), q)[0] < ROUND_MM
+
+
+def test_without_a_posture_to_look_from_a_position_is_left_alone_where_its_two_wrists_differ():
+    text = job("///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(Q), f"C00000={pose(Q)}")
+
+    assert re.match(r"posture: several fit, [\d.]+ mm apart when corrected", fixed(text, setup=Setup()).left[0].why)
+    assert fixed(text, SAME, Setup()).left == ()
+    assert len(fixed(text, setup=Setup(near=Q)).shift) == 1
+
+
+def test_tools_of_the_table_are_heeded():
+    flange_T_tip = transform(CELL.theta[-6:])
+    flange_T_tool = flange_T_tip @ from_wpr(np.array([0.0, 5.0, 20.0, 0.0, 15.0, 0.0]))
+    text = job("///TOOL 3", "///POSTYPE ROBOT", "///RECTAN", rconf(Q),
+               f"C00000={pose(Q, base_T_tip(Q) @ inverse(flange_T_tip) @ flange_T_tool)}")  # fmt: skip
+
+    result = fixed(text, setup=Setup(tools={"3": flange_T_tool}, near=Q))
+
+    command = told(result, "C00000") @ inverse(flange_T_tool) @ flange_T_tip
+    assert off(command, base_T_tip(Q), Q)[0] < 2 * ROUND_MM
+
+
+def test_pulses_without_their_number_a_degree_are_left_alone_and_say_what_is_missing():
+    result = fixed(job("///TOOL 1", "///POSTYPE PULSE", "///PULSE", f"C00000={pulses(Q)}"))
+
+    assert result.left[0].why == (
+        "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in the table"
+    )
+
+
+def test_position_variables_are_left_alone_unless_the_table_says_otherwise():
+    text = job("///TOOL 1", "///POSTYPE BASE", "///RECTAN", rconf(Q), f"P00001={pose(Q)}",
+               instructions=("MOVL P001 V=10.0", "SFTON P010", "IMOV P002 V=5.0"))  # fmt: skip
+
+    result = fixed(text)
+
+    assert result.after == text.encode()
+    assert result.left[0].why.startswith("position variable")
+    assert [m.why.split(":")[0] for m in result.mentions] == ["position variable", "offset", "position variable"]
+    assert len(fixed(text, setup=Setup(position_variables=True, near=Q)).shift) == 1
+
+
+def test_positions_of_stations_and_tracks_stay():
+    text = job("///POSTYPE PULSE", "///PULSE", "BC00000=1,2,3", "EC00000=4,5", "///POSTYPE ANGLE", "EX00000=20.7,5.3")
+
+    assert fixed(text, setup=SETUP).after == text.encode()
+
+
+def test_bytes_of_other_encodings_stay():
+    text = job("///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(Q), f"C00000={pose(Q)}").encode()
+    text = text.replace(b"//NAME SEAM", b"//NAME \x83\x65\x83\x58\x83\x67\x5b") + b"\x1a"
+
+    result = fixed(text)
+
+    assert len(result.shift) == 1
+    assert result.after.split(b"C00000=")[0] == text.split(b"C00000=")[0]
+    assert result.after.endswith(b"END\n\x1a")
+
+
+def test_numbers_padded_with_zeros_stay_padded():
+    padded = ",".join(f"{'-' if float(v) < 0 else ''}{abs(float(v)):011.6f}" for v in pose(Q).split(","))
+
+    after = fixed(job("///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(Q), f"C00000={padded}")).after.decode()
+
+    cells = next(row for row in after.splitlines() if row.startswith("C0")).split("=")[1].split(",")
+    assert all(re.fullmatch(r"-?\d{4}\.\d{6}", cell) for cell in cells)
+
+
+BROKEN = {
+    "no job": ("/JOB", "/JAB", "expected /JOB: not a Yaskawa job"),
+    "cut short": ("\nEND\n", "\n", "the job has no //INST or no END; is it cut short?"),
+    "no instructions": ("//INST", "//INTS", "the job has no //INST or no END"),
+    "letters": ("C00000=", "C00000=x", "SEAM.JBI:9: column 8: found 'x"),
+    "too few": (",0.0,", ",", "C00000 has 5 numbers, expected X, Y, Z, Rx, Ry, Rz"),
+    "semicolon": (",0.0,", ";0.0,", "expected a comma or the end of the line"),
+    "no position": ("C00000=", "CXXXXX=", "SEAM.JBI:9: column 1: found"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_a_broken_job_is_refused_with_line_and_column(case):
+    old, new, sentence = BROKEN[case]
+    text = job("///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(Q), "C00000=500.0,100.0,0.0,180.0,10.0,20.0")
+    assert old in text
+
+    with pytest.raises(InputError) as error:
+        fixed(text.replace(old, new, 1))
+
+    assert sentence in str(error.value)
+
+
+WHOLE = job(
+    "///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(Q), f"C00000={pose(Q)}", "///PULSE", f"C00001={pulses(Q)}"
+)
+
+
+@given(wounded(WHOLE, ["=", "/", ",", "1", "-", "C", "\n", "."]))
+def test_mutilated_jobs_end_in_a_sentence_or_in_a_job_of_the_same_form(text):
+    try:
+        result = fixed(text, setup=SETUP)
+    except InputError:
+        return
+
+    assert re.sub(r"-?[\d.]+", "#", result.after.decode()) == re.sub(r"-?[\d.]+", "#", text)
