@@ -1,4 +1,18 @@
-"""From touches to parameters, their uncertainty, and what they change."""
+"""From touches to parameters, their uncertainty, and what they change.
+
+In the order in which data walks through:
+
+    model         what is described: robot, joint errors, jig, touch, measurement, cell, weld zone; files in and out
+    uncertainty   what is known of all unknowns, and what that promises of the tip
+    estimation    from measurements to parameters
+    compensation  from wanted poses to joints and command poses that bring the true tip there
+    workpiece     where a workpiece stands
+    health        whether a robot is still the one that was identified
+    programs      robot programs corrected in place
+    export        the calibrated robot for other tools
+    pendant       whether the model means what the pendant shows
+    report        pages and pictures of calibrations and plans
+"""
 
 from importlib import import_module
 from typing import Any

@@ -1,4 +1,13 @@
-"""From a plan to touches, over a serial line."""
+"""From a plan to touches, over a serial line.
+
+In the order in which data walks through:
+
+    line         bytes, lines and commands between driver and controller
+    motion       how the arm moves without hitting anything, for planner and driver
+    controllers  robot controllers by the protocol they speak
+    runs         the run of a plan: touches made, judged, remembered
+    virtual      a virtual robot cell behind a port
+"""
 
 from importlib import import_module
 from typing import Any

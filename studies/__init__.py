@@ -1,4 +1,27 @@
-"""Questions, each answered by one script: what it asks, how, and what came out, with numbers."""
+"""Questions, each answered by one script: what it asks, how, and what came out, with numbers.
+
+In the order in which data walks through:
+
+    engine          a study run: tasks on this machine or on a cluster, each finished one on disk
+    cluster         tasks on a Dask cluster
+    common          what several studies start from, computed once a process
+    many            touches and calibrations of many robots at once
+    two_places      touches of a jig at two places
+    strategies      Which strategy of choosing touches leaves the smallest tip error, and by which index?
+    paper           Does the paper's procedure give the paper's figures?
+    models          Why a fifth parameter, beta, where two joint axes are nearly parallel, and why not a sixth?
+    observability   Does an observability index tell how accurate a calibration will be?
+    touches         How many touches does a tip error in the zone ask for, and does the plan foretell it?
+    jig             Which jig: what is each face worth, where should it stand, and what does a second placement buy?
+    jig_shown       what the study of the jig found, in words and in pictures
+    racing          a race: one problem, each racer in a process of its own
+    racers          one module a library of the race
+    peers_problems  the problems of the race
+    peers           How do SciPy, figaroh, pybotics and cvxpy do on the same problems?
+    beyond          Does the choice of joint errors find what a robot has, and nothing else?
+    campaign        Does touching by turns keep its promise, and does it need fewer touches than one shot?
+    readme          studies/README.md, made from the scripts
+"""
 
 from pathlib import Path
 

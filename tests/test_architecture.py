@@ -140,9 +140,11 @@ def oversized(root):
             text = path.read_text(encoding="utf-8")
             if (lines := text.count("\n")) > LINES:
                 found.append(f"{path.relative_to(root)} has {lines} lines")
-            for node in ast.walk(ast.parse(text)):
-                if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= FUNCTION:
-                    found.append(f"{path.relative_to(root)}:{node.lineno}: {node.name} is longer than {FUNCTION} lines")
+            found += [
+                f"{path.relative_to(root)}:{node.lineno}: {node.name} is longer than {FUNCTION} lines"
+                for node in ast.walk(ast.parse(text))
+                if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= FUNCTION
+            ]
     return found
 
 

@@ -1,1 +1,15 @@
-"""estimation."""
+"""From measurements to parameters.
+
+In the order in which data walks through:
+
+    initial_guess     a closed-form start for a base and a tool that nobody measured
+    problem           the least squares problem of a cell and its touches
+    ipopt             Ipopt for many unknowns, compiled once a size
+    least_squares     weighted, robust nonlinear least squares with priors
+    folds             regions of space to hold out
+    selection         which joint errors the touches show
+    face_association  the most probable robot while the touches alone do not determine it
+    diagnosis         causes that residuals show: joints read too early, drift, a wire cut between touches
+    calibrate         from touches to a Calibration
+    verification      errors where the fit has not looked
+"""

@@ -1,1 +1,24 @@
-"""What a robot, a jig and a touch are, and the residual that ties them together."""
+"""What a robot, a jig and a touch are, and the residual that ties them together.
+
+In the order in which data walks through:
+
+    files            text files: every mistake with its file and line, and nothing half-written
+    io               YAML and CSV files and their contents, both ways
+    urdf             from a URDF to a robot and its solids
+    compiled         CasADi functions evaluated at many points at once
+    frames           rigid transforms as 4 x 4 matrices, R = Rz Ry Rx
+    meshes           triangles from STL and OBJ files
+    shape            solids that move with the links of a robot
+    errors           models of joint errors: one function and one row of ERROR_MODELS each
+    joint            one joint of a serial robot, its five link parameters, and the capsule around a link
+    robot            a serial robot: its joints, and the names of all parameters
+    jig              rectangular faces at known places, and boxes to keep clear of
+    touch            touches on faces and positions of the tip, as columns of equal length
+    zone             the weld zone: the poses where accuracy counts
+    cell             robot, jig, base, tool, wire, priors, controller
+    kinematics       the tip in CasADi symbols, equations (1) to (5), and the functions compiled from them
+    measurement      the residual of a touch and its derivative, for all touches at once
+    identifiability  which parameters touches can tell apart: structural elimination, rank, weak directions
+    ik_step          one damped step of inverse kinematics as a compiled function
+    ik               inverse kinematics of any robot, calibrated or not, for all targets at once
+"""

@@ -1,1 +1,7 @@
-"""campaign."""
+"""Touch, identify and plan by turns.
+
+In the order in which data walks through:
+
+    campaign  the loop: touch, identify, plan the next touches, until the promise is good
+    folder    the stages of a campaign as files in a folder, and their touches made over a port
+"""

@@ -1,4 +1,30 @@
-"""The command line: a command is a typed function whose docstring is its help; it reads files and writes files."""
+"""The command line: a command is a typed function whose docstring is its help; it reads files and writes files.
+
+In the order in which data walks through:
+
+    options     options that several commands share, and how results are printed
+    pages       what `--help` prints
+    unloaded    commands read for their help without loading what they work with
+    sim         ports of the commands that touch, and `sim`, the embedded virtual robot
+    live        touches as they are made, on the screen
+    demo        the whole loop on the embedded virtual robot
+    init        a commented cell folder to start from
+    check       the cell validated and compared with the pendant
+    plan        touches chosen
+    workpiece   touches chosen that locate a workpiece
+    run         touches made
+    campaign    touches made, identified and planned by turns
+    virtual     a virtual cell behind a port
+    identify    parameters from touches
+    verify      errors at touches that the fit has not seen
+    compensate  corrected joints and poses
+    fix         corrected robot programs
+    export      the robot for other tools
+    locate      the pose of a workpiece
+    health      whether the robot has changed
+    report      the page of a calibration
+    study       questions answered with numbers
+"""
 
 import errno
 import os

@@ -1,4 +1,16 @@
-"""Robot controllers by the protocol they speak, and who it is that answers where it is another."""
+"""Robot controllers by the protocol they speak, and who it is that answers where it is another.
+
+In the order in which data walks through:
+
+    line              TOUCH/1 over a serial line or a socket
+    grbl_words        reports, probe results and motions of GRBL as text
+    grbl_link         lines to and from a GRBL that echoes messages
+    grbl              six-axis GRBL 1.1 and grblHAL
+    linuxcncrsh       the conversation with linuxcncrsh, the telnet server of LinuxCNC
+    linuxcnc_machine  what LinuxCNC can be asked through linuxcncrsh, in its own units
+    linuxcnc_mdi      motions and questions in the language of LinuxCNC
+    linuxcnc          a LinuxCNC whose axes X Y Z A B C are the joints of the robot
+"""
 
 import re
 from importlib import import_module

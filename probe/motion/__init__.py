@@ -1,1 +1,17 @@
-"""motion."""
+"""How the arm moves without hitting anything.
+
+In the order in which data walks through:
+
+    settings       speeds, waits, tolerances and limits of patience
+    obstacles      the boxes of the jig, or its faces where it has no boxes
+    torch          the torch as capsules on the last link
+    bodies         the solids of an arm as its URDF describes them, each with a capsule around it
+    distances      exact distances of many segments at once
+    mesh_distance  exact distances of meshes, boxes, cylinders, spheres and capsules, by `coal`
+    clearance      clearance of arm and torch from jig, table and the arm itself
+    joint_path     the motions of one touch, from joint values of a plan
+    edges          ways between touches: straight in joint space, over lifted postures where they must
+    tour           the order of touches, and the minutes that it takes
+    roadmap        a short order of touches along clear ways
+    router         ways of the tip between approach points that keep out of the jig
+"""

@@ -1,1 +1,17 @@
-"""run."""
+"""The run of a plan: touches made, judged, remembered.
+
+In the order in which data walks through:
+
+    preflight   the whole plan checked before the first motion
+    rehearsal   a dry run: every approach at a safe distance, and no touch
+    lock        one program at a time
+    journal     records that survive a kill at any byte
+    records     what a session remembers: motions, readings, results
+    session     one plan being touched, over as many runs as it takes
+    prediction  where the next touch should be, by all touches so far
+    attempt     one attempt at one touch, and the way back
+    acceptance  when a touch counts
+    events      what happens, for a screen or a log to show
+    execution   which touch comes next, which counts, and when to stop
+    delay       the delay of the touch signal, from touches at two speeds
+"""

@@ -1,1 +1,13 @@
-"""io."""
+"""Files in and out, every mistake with its file and line.
+
+In the order in which data walks through:
+
+    document          YAML files with the line of every key
+    schema            what a user may write in them
+    checks            what single values cannot show: units mixed up, names taken twice
+    entries           between millimetres and degrees in files and what they describe, both ways
+    description       cell, robot and jig from their YAML files, or from the library
+    tables            touches.csv, positions.csv and plan.csv
+    poses             poses.csv: tip poses that are wanted
+    calibration_file  an identified robot, and calibration.json
+"""
