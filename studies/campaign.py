@@ -41,7 +41,7 @@ from identify.report.svg import Chart, axis, colour, picture
 from identify.uncertainty.assurance import assurance
 from oed.campaigns.campaign import LONGEST, Campaign, Job, campaign
 from oed.planning.plan import COUNT, plan
-from oed.planning.uncertain import plan_warily
+from oed.planning.uncertain import plan_under_uncertainty
 from probe.line.controller import TouchError
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, draw_truth
@@ -118,7 +118,7 @@ def _by_turns(cell: Cell, truth: Truth, target: float, most: int, rng: np.random
         return touch_batch(replace(cell, touch=job.cell.touch), truth, job.plan, rng, blind=True)
 
     def planner(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
-        return plan_warily(cell, n, rng, after)
+        return plan_under_uncertainty(cell, n, rng, after)
 
     try:
         done: Campaign = campaign(cell, target_mm=target, max_touches=most, rng=rng, touch=touch, planner=planner)

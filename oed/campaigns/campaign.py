@@ -16,7 +16,7 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.touch import HIT, Plan, Touches, joined
 from identify.uncertainty.assurance import assurance, tip_deviation
 from oed.planning.plan import plan as make_plan
-from oed.planning.uncertain import WaryWays, begun, plan_warily
+from oed.planning.uncertain import UncertainEdges, begun, plan_under_uncertainty
 from probe.line.controller import TouchError
 from probe.motion.clearance import Clearance
 
@@ -229,11 +229,11 @@ class _Loop:
     def _chosen(self, cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
         """Touches for a robot that is hardly known, or planned with care."""
         if self.promised is None or after is None:
-            return plan_warily(cell, n, rng, after, self.trail)
+            return plan_under_uncertainty(cell, n, rng, after, self.trail)
         found = self.planner(cell, n, rng, after)
-        started = begun(found, WaryWays(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
+        started = begun(found, UncertainEdges(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
         stuck = started is found and self.trail is not None  # no way leads to any of them from where the robot stands
-        return plan_warily(cell, n, rng, after, self.trail) if stuck else started
+        return plan_under_uncertainty(cell, n, rng, after, self.trail) if stuck else started
 
     def _made(self, job: Job) -> Stage:
         """Touch, then identify from all touches so far."""

@@ -13,9 +13,8 @@ from identify.model.ik import reach
 from identify.model.jig import Face
 from identify.model.measurement import Rows
 from oed.candidates.edge_margins import EDGE, SHARE, Margins, margins, warnings
-from oed.candidates.feasibility import Judge, Verdict
+from oed.candidates.feasibility import Feasibility, Infeasibility, unreached
 from oed.candidates.ik_branches import Branches, Poses
-from oed.candidates.reasons import reasons
 from oed.candidates.targets import Targets, spread, structured
 from probe.motion.clearance import MARGIN
 
@@ -98,11 +97,12 @@ def candidates(
         if sum(map(len, found)) >= count or not len(found[0]):
             break
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in found]) for name in COLUMNS}
-    all_found = Candidates(search.faces, **columns, margins=search.judge.margins)
-    unreached = reasons(search.judge, search.tally)
+    all_found = Candidates(search.faces, **columns, margins=search.feasibility.margins)
+    feasibility = search.feasibility
+    missing = unreached(feasibility, search.tally)
     if not len(all_found):
-        raise InputError("no touch can be made. " + " ".join(unreached))
-    notes = (*unreached, *warnings(cell, search.judge.margins, all_found.number > 0), *search.judge.clearance.notes)
+        raise InputError("no touch can be made. " + " ".join(missing))
+    notes = (*missing, *warnings(cell, feasibility.margins, all_found.number > 0), *feasibility.clearance.notes)
     some = rng.choice(len(all_found), min(count, len(all_found)), replace=False)
     return replace(all_found.take(np.sort(some)), notes=notes)
 
@@ -146,8 +146,8 @@ class _Search:
         face = around.face[self.branches.order][known.pose]
         kept = margins(cell, covariance, theta, face, known.q, share)
         self.inset = np.minimum(kept.inset / size, 0.5)
-        self.judge = Judge(cell, theta, kept, margin)
-        self.tally = np.zeros((len(self.faces), len(Verdict)), dtype=int)
+        self.feasibility = Feasibility(cell, theta, kept, margin)
+        self.tally = np.zeros((len(self.faces), len(Infeasibility)), dtype=int)
 
     def round(self, size: int) -> Candidates:
         """Touches that pass, of about `size` targets."""
@@ -160,13 +160,13 @@ class _Search:
         q, tilt = found.q, wanted.tilt[found.pose]
         if len(self.cell.robot.joints) < 5:
             q, tilt = self._settled(wanted.take(found.pose), q)
-        approach, verdict = self.judge.touch(face, q)
-        np.add.at(self.tally, (face, verdict), 1)
-        ok = verdict == Verdict.FINE
+        approach, infeasibility = self.feasibility.touch(face, q)
+        np.add.at(self.tally, (face, infeasibility), 1)
+        ok = infeasibility == Infeasibility.NONE
         pose = found.pose[ok]
         return Candidates(
             self.faces, face[ok], wanted.point[pose], wanted.normal[pose], tilt[ok], q[ok], approach[ok],
-            self.judge.margins,
+            self.feasibility.margins,
         )  # fmt: skip
 
     def _settled(

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
 from identify.model.ik import reach, within
-from oed.candidates.edge_margins import Margins
+from oed.candidates.edge_margins import EDGE, Margins
 from probe.motion.clearance import CLEAR, MARGIN, WIRE, Clearance
 from probe.motion.obstacles import owners
 from probe.motion.torch import STICKOUT
@@ -18,13 +18,14 @@ TOLERANCE = 1e-4  # [mm], how well inverse kinematics meets contact and approach
 TURN = 0.5  # [rad], most that a joint may turn between approach and contact
 ADVANCE = 0.3  # of the way that the tip should gain along the normal, the least that it does gain, all along
 BRINK = 1.0  # [mm], that the tip stays within the edges on its way, which bends a little
+STARTS = 60  # postures tried for a face that was never reached
 FINEST = 5.0  # [mm], least margin for which the way is looked at more often
 
 
-class Verdict(IntEnum):
+class Infeasibility(IntEnum):
     """What a touch fails at first."""
 
-    FINE = 0
+    NONE = 0
     TILT = 1
     LIMITS = 2
     EDGE = 3
@@ -36,9 +37,22 @@ class Verdict(IntEnum):
     WIRE = 9
 
 
+FAILURES = {
+    Infeasibility.TILT: "lean too far",
+    Infeasibility.LIMITS: "lie beyond the joint limits",
+    Infeasibility.EDGE: "touch too near to an edge",
+    Infeasibility.JIG: "bring arm or torch too near to the jig or the table",
+    Infeasibility.ARM: "bring arm and torch too near to each other",
+    Infeasibility.APPROACH: "have no approach before them",
+    Infeasibility.SEARCH: "leave no room within the joint limits to search beyond the contact",
+    Infeasibility.PATH: "lead the tip off the face on the way",
+    Infeasibility.WIRE: "bring the bare wire to something else first",
+}
+
+
 @dataclass(frozen=True, eq=False)
-class Judge:
-    """Judges touches of a cell by a model of its robot."""
+class Feasibility:
+    """Whether touches of a cell can be made, by a model of its robot."""
 
     cell: Cell
     theta: Float[np.ndarray, " parameters"]
@@ -63,36 +77,36 @@ class Judge:
     def touch(
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
     ) -> tuple[Float[np.ndarray, "touches joints"], Int[np.ndarray, " touches"]]:
-        """Joint values of the approach to contacts on faces, and verdicts on the touches so made."""
-        verdict, approach = self.contact(face, q), q.copy()
-        left = np.flatnonzero(verdict == Verdict.FINE)
+        """Joint values of the approach to contacts on faces, and what each such touch fails at first."""
+        infeasibility, approach = self.contact(face, q), q.copy()
+        left = np.flatnonzero(infeasibility == Infeasibility.NONE)
         approach[left], exists = self.approach(face[left], q[left])
-        verdict[left[~exists]] = Verdict.APPROACH
+        infeasibility[left[~exists]] = Infeasibility.APPROACH
         left = left[exists]
-        verdict[left] = self.way(face[left], q[left], approach[left])
-        return approach, verdict
+        infeasibility[left] = self.way(face[left], q[left], approach[left])
+        return approach, infeasibility
 
-    def verdict(
+    def check(
         self,
         face: Int[np.ndarray, " touches"],
         q: Float[np.ndarray, "touches joints"],
         approach: Float[np.ndarray, "touches joints"],
     ) -> Int[np.ndarray, " touches"]:
-        """Verdicts on touches with approaches of their own."""
-        verdict = self.contact(face, q)
-        left = np.flatnonzero(verdict == Verdict.FINE)
-        verdict[left] = self.way(face[left], q[left], approach[left])
-        return verdict
+        """What touches with approaches of their own fail at first."""
+        infeasibility = self.contact(face, q)
+        left = np.flatnonzero(infeasibility == Infeasibility.NONE)
+        infeasibility[left] = self.way(face[left], q[left], approach[left])
+        return infeasibility
 
     def contact(
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
     ) -> Int[np.ndarray, " touches"]:
-        """Verdicts on the postures at contact alone: tilt, joint limits, edges of the face, clearance."""
+        """What the postures at contact alone fail at first: tilt, joint limits, edges of the face, clearance."""
         tip, R = self.cell.kinematics.tip(q, self.theta)
         lean = -(R[:, :, 2] * self._frames[face, 2]).sum(axis=1)
-        out = np.where(lean < np.cos(self.cell.touch.max_tilt) - 1e-8, Verdict.TILT, Verdict.FINE)
-        out[(out == 0) & ~within(self.cell.robot, q)] = Verdict.LIMITS
-        out[(out == 0) & ~self._inside(face, tip, self.margins.inset[face] - TOLERANCE)] = Verdict.EDGE
+        out = np.where(lean < np.cos(self.cell.touch.max_tilt) - 1e-8, Infeasibility.TILT, Infeasibility.NONE)
+        out[(out == 0) & ~within(self.cell.robot, q)] = Infeasibility.LIMITS
+        out[(out == 0) & ~self._inside(face, tip, self.margins.inset[face] - TOLERANCE)] = Infeasibility.EDGE
         return self._clear(face, q, out)
 
     def approach(
@@ -115,7 +129,7 @@ class Judge:
         q: Float[np.ndarray, "touches joints"],
         approach: Float[np.ndarray, "touches joints"],
     ) -> Int[np.ndarray, " touches"]:
-        """Verdicts on the way from approach through contact to the end of the search, straight in joint space.
+        """What the search fails at first, straight in joint space from the approach through the contact to its end.
 
         Clearance is looked at so often that the tip goes no further than 1.5 margins in between. Beyond the contact the
         robot goes only if the face is further away than the model has it, and then so is the jig: there the tip must
@@ -123,13 +137,13 @@ class Judge:
         """
         room = 1 + self.margins.overtravel[face] / self.cell.touch.approach  # where the search ends; contact is 1
         end = approach + room[:, None] * (q - approach)
-        out = np.where(within(self.cell.robot, approach), Verdict.FINE, Verdict.APPROACH)
-        out[(out == 0) & ~within(self.cell.robot, end)] = Verdict.SEARCH
+        out = np.where(within(self.cell.robot, approach), Infeasibility.NONE, Infeasibility.APPROACH)
+        out[(out == 0) & ~within(self.cell.robot, end)] = Infeasibility.SEARCH
         half, late = (approach + q) / 2, (q + end) / 2
         tips = [self.cell.kinematics.tip(at, self.theta) for at in (approach, half, q, late, end)]
-        out[(out == 0) & ~self._over(face, [p for p, _ in tips], room)] = Verdict.PATH
+        out[(out == 0) & ~self._over(face, [p for p, _ in tips], room)] = Infeasibility.PATH
         for tip, R in tips[:3]:
-            out[(out == 0) & ~self._wire(face, tip, R[:, :, 2])] = Verdict.WIRE
+            out[(out == 0) & ~self._wire(face, tip, R[:, :, 2])] = Infeasibility.WIRE
         steps = max(2, int(np.ceil(self.cell.touch.approach / (1.5 * max(self.margin, FINEST)))))
         for k in range(steps):
             out = self._clear(face, approach + k / steps * (q - approach), out)
@@ -138,11 +152,11 @@ class Judge:
     def _clear(
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"], so_far: np.ndarray
     ) -> Int[np.ndarray, " touches"]:
-        """Add what collides to verdicts that are fine so far."""
-        out, left = so_far.copy(), np.flatnonzero(so_far == Verdict.FINE)
+        """Add collisions to touches without an infeasibility so far."""
+        out, left = so_far.copy(), np.flatnonzero(so_far == Infeasibility.NONE)
         hit = self.clearance.hits(q[left], self._owners[face[left]], self.margin)
         itself = hit == len(self.clearance.solids)
-        out[left] = np.where(hit == CLEAR, Verdict.FINE, np.where(itself, Verdict.ARM, Verdict.JIG))
+        out[left] = np.where(hit == CLEAR, Infeasibility.NONE, np.where(itself, Infeasibility.ARM, Infeasibility.JIG))
         return out
 
     def _over(
@@ -184,3 +198,49 @@ class Judge:
         for solid in self.clearance.solids:
             ok &= solid.segment(low.T, (tip - STICKOUT * wire).T) >= need
         return ok
+
+
+def unreached(feasibility: Feasibility, tally: Int[np.ndarray, "faces infeasibilities"]) -> tuple[str, ...]:
+    """A sentence for every face on which no touch was found; `tally` counts what postures that reach it fail at."""
+    empty = np.flatnonzero(tally[:, Infeasibility.NONE] == 0)
+    leaning = tally[:, Infeasibility.TILT] == tally.sum(axis=1)  # or not reached at all
+    return tuple(
+        _unreached(feasibility, i) if leaning[i] else _refused(feasibility, i, tally[i]) for i in empty.tolist()
+    )
+
+
+def _refused(feasibility: Feasibility, i: int, counts: Int[np.ndarray, " infeasibilities"]) -> str:
+    """The face is reached, but no touch of it can be made."""
+    assert feasibility.cell.jig is not None
+    order = sorted(Infeasibility, key=lambda v: -counts[v])
+    most = [v for v in order if counts[v] >= 0.01 * counts.sum()]
+    shares = ", ".join(f"{counts[v] / counts.sum():.0%} {FAILURES[v]}" for v in most)
+    face = feasibility.cell.jig.faces[i]
+    narrow = f"; it is only {face.size.min():.0f} mm wide" if face.size.min() < 4 * EDGE else ""
+    return f"face '{face.name}' cannot be touched: of {counts.sum()} postures that reach it, {shares}{narrow}."
+
+
+def _unreached(feasibility: Feasibility, i: int) -> str:
+    """No posture within the limits of joints and tilt brings the tip to the face: how far off it stays."""
+    cell = feasibility.cell
+    assert cell.jig is not None
+    face, robot = cell.jig.faces[i], cell.robot
+    s, t = (x.ravel() for x in np.meshgrid([0.1, 0.5, 0.9], [0.1, 0.5, 0.9]))
+    point = np.repeat(face.point(s, t), STARTS, axis=0)
+    start = np.random.default_rng(4).uniform(robot.lower, robot.upper, (len(point), len(robot.joints)))
+    R = np.broadcast_to(np.eye(3), (len(point), 3, 3))
+    found = reach(cell.kinematics, feasibility.theta, point, R, start, free_orientation=True, iterations=80)
+    near = found.residual < 0.01
+    if not near.any():
+        return (
+            f"face '{face.name}' is out of reach: the tip comes no nearer than {found.residual.min():.0f} mm; move the "
+            "jig or the base, or check their poses in cell.yaml."
+        )
+    if not (near & found.within_limits).any():
+        return f"face '{face.name}' is reached only beyond the joint limits of robot '{robot.name}'."
+    _, R = cell.kinematics.tip(found.q[near & found.within_limits], feasibility.theta)
+    tilt = np.degrees(np.arccos(np.clip(-R[:, :, 2] @ face.normal, -1, 1).max()))
+    return (
+        f"face '{face.name}' is reached only with the wire about {tilt:.0f} degrees off its normal, more than "
+        f"max_tilt_deg: {np.degrees(cell.touch.max_tilt):.0f}; turn the jig or bend the torch."
+    )

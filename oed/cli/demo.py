@@ -33,7 +33,7 @@ from oed.campaigns.folder import Folder, over_port, standing
 from oed.cli.campaign import only_one
 from oed.cli.options import Json, Seed, errors_table, print_json, progress
 from oed.planning.plan import plan as make_plan
-from oed.planning.uncertain import plan_warily
+from oed.planning.uncertain import plan_under_uncertainty
 from probe import Settings
 from probe.line.clock import Clock
 from probe.motion.tour import minutes
@@ -140,7 +140,7 @@ def _toucher(folder: Path, cell: Cell, truth: Truth, seed: int) -> Callable[[Job
 
 def _planned(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
     """A plan without the last refinement: a demonstration is short."""
-    return plan_warily(cell, n, rng, after)
+    return plan_under_uncertainty(cell, n, rng, after)
 
 
 def _hashes(folder: Path, *names: str) -> dict[str, str]:

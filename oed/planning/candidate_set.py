@@ -14,9 +14,9 @@ from identify.uncertainty.information import Knowledge, built_knowledge, knowled
 from identify.uncertainty.promise import Promise, promise
 from oed.candidates.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.candidates.edge_margins import SIGMAS
-from oed.candidates.feasibility import Judge
+from oed.candidates.feasibility import Feasibility
 from probe.motion.clearance import CLEAR
-from probe.motion.edges import Ways
+from probe.motion.edges import Edges
 from probe.motion.roadmap import Roadmap, lifts
 from probe.motion.tour import Order
 
@@ -56,14 +56,14 @@ class Offer:
         return self.known.tip_rows(self.zone)
 
     @cached_property
-    def judge(self) -> Judge:
+    def feasibility(self) -> Feasibility:
         """Who says whether a touch can be made."""
-        return Judge(self.known.cell, self.known.theta, self.found.margins)
+        return Feasibility(self.known.cell, self.known.theta, self.found.margins)
 
     @cached_property
-    def ways(self) -> Ways:
+    def edges(self) -> Edges:
         """Which ways between postures are clear, by as much as the tip may be off."""
-        return Ways(self.judge.clearance, keep=SIGMAS * float(np.nanmax(self.found.margins.deviation)))
+        return Edges(self.feasibility.clearance, keep=SIGMAS * float(np.nanmax(self.found.margins.deviation)))
 
     def visit(
         self,
@@ -87,14 +87,14 @@ class Offer:
     def _roadmap(self, above: Candidates) -> Roadmap:
         cell, none = self.known.cell, np.empty((0, above.q.shape[1]))
         if not self.lifting:
-            return Roadmap(self.ways, cell, none, none)
-        return Roadmap(self.ways, cell, self._lifted(above), self._home)
+            return Roadmap(self.edges, cell, none, none)
+        return Roadmap(self.edges, cell, self._lifted(above), self._home)
 
     def _lifted(self, touches: Candidates) -> Float[np.ndarray, "lifted joints"]:
         """Postures above touches, each looked for once."""
         names = [q.tobytes() for q in touches.approach]
         new = np.array([i for i, name in enumerate(names) if name not in self._lifts], dtype=int)
-        found = lifts(self.ways, self.known.cell, touches.approach[new], touches.normal[new])
+        found = lifts(self.edges, self.known.cell, touches.approach[new], touches.normal[new])
         self._lifts.update({names[i]: q for i, q in zip(new.tolist(), found, strict=True)})
         lifted = np.array([self._lifts[name] for name in names])
         return lifted[~np.isnan(lifted).any(axis=1)]
@@ -109,7 +109,7 @@ class Offer:
         """All joints at zero, as far as the limits let them, if nothing is in the way there."""
         robot = self.known.cell.robot
         home = np.clip(np.zeros((1, len(robot.joints))), robot.lower, robot.upper)
-        return home[self.judge.clearance.hits(home) == CLEAR]
+        return home[self.feasibility.clearance.hits(home) == CLEAR]
 
     def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
         """The tip error to expect in the zone after some touches, each made so many `times`."""

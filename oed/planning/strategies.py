@@ -81,7 +81,7 @@ class Setting:
         bound, joined = pick.bound(visit.allowed), int(visit.allowed.sum())
         touches = self.offered.found.take(visit.order.index)
         say("refining", 0.5)
-        refinement = Refinement(self.offered.known, self.offered.judge)
+        refinement = Refinement(self.offered.known, self.offered.feasibility)
         touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.3 * share))
         M = self._information(self._rows(touches))
         if not self.smooth:

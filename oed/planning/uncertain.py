@@ -14,7 +14,7 @@ from identify.model.touch import Plan
 from identify.uncertainty.information import drawn
 from oed.planning.candidate_set import Offer, offer, plan_of
 from oed.planning.visitable import Best, visited
-from probe.motion.edges import FINE, Ways
+from probe.motion.edges import FINE, Edges
 from probe.motion.roadmap import with_via
 from probe.motion.torch import STICKOUT
 from probe.motion.tour import between
@@ -28,8 +28,8 @@ ROOM = 3.0  # [mm], between wire and jig
 
 
 @dataclass(frozen=True, eq=False)
-class WaryWays(Ways):
-    """Ways on which the wire of nearly all robots stays out of the solid boxes."""
+class UncertainEdges(Edges):
+    """Edges on which the wire of nearly all robots stays out of the solid boxes."""
 
     robots: Float[np.ndarray, "robots parameters"] = field(default_factory=lambda: np.empty((0, 0)))
     risk: float = 1.0
@@ -59,18 +59,20 @@ class WaryWays(Ways):
 
 
 @dataclass(frozen=True, eq=False)
-class WaryOffer(Offer):
+class UncertainOffer(Offer):
     """An offer whose ways are clear for nearly all robots that what is known allows."""
 
     risk: float = 1.0
 
     @cached_property
-    def ways(self) -> WaryWays:
+    def edges(self) -> UncertainEdges:
         """Which ways between postures are clear."""
-        return WaryWays(self.judge.clearance, drawn(self.known, ROBOTS, np.random.default_rng(0)), self.risk)
+        return UncertainEdges(
+            self.feasibility.clearance, drawn(self.known, ROBOTS, np.random.default_rng(0)), self.risk
+        )
 
 
-def plan_warily(
+def plan_under_uncertainty(
     cell: Cell,
     n: int,
     rng: np.random.Generator,
@@ -80,25 +82,25 @@ def plan_warily(
     """A plan for a badly known robot, that begins with a clear way from the last touch of a trail."""
     found = offer(cell, rng, after=after, count=ROUGH)
     for risk in RISKS:
-        offered = WaryOffer(found.known, found.found, risk, lifting=False)
+        offered = UncertainOffer(found.known, found.found, risk, lifting=False)
         order = visited(offered, Best(offered, n, "V"), rng).order
         plan = plan_of(offered.found.take(order.index))
-        started = begun(plan, offered.ways, trail)
+        started = begun(plan, offered.edges, trail)
         if not order.blocked and (trail is None or started is not plan):
             return started
-    return in_reach(started, offered.ways)
+    return in_reach(started, offered.edges)
 
 
-def in_reach(plan: Plan, ways: Ways) -> Plan:
+def in_reach(plan: Plan, edges: Edges) -> Plan:
     """The touches of a plan that clear ways lead to, each from the one before: the others are given up."""
     kept = [0]
     for k in range(1, len(plan)):
-        if ways.clear(plan.approach[kept[-1:]], plan.approach[[k]])[0]:
+        if edges.clear(plan.approach[kept[-1:]], plan.approach[[k]])[0]:
             kept.append(k)
     return plan.take(np.array(kept))
 
 
-def begun(plan: Plan, ways: Ways, trail: Plan | None) -> Plan:
+def begun(plan: Plan, edges: Edges, trail: Plan | None) -> Plan:
     """The plan in an order that begins with a clear way from the last touch of a trail, where the robot stands.
 
     Where there is none, the robot goes back first the way that it has come, until one leads on. The plan itself is
@@ -106,20 +108,22 @@ def begun(plan: Plan, ways: Ways, trail: Plan | None) -> Plan:
     """
     if trail is None:
         return plan
-    for back in _retreats(trail.approach[::-1], ways):
+    for back in _retreats(trail.approach[::-1], edges):
         start = back[-1:] if len(back) else trail.approach[-1:]
         for anew in (False, True):
-            if (found := _from(start, plan.approach, ways, anew)) is not None:
+            if (found := _from(start, plan.approach, edges, anew)) is not None:
                 return _over(plan.take(found), back)
     return plan
 
 
-def _retreats(been: Float[np.ndarray, "touches joints"], ways: Ways) -> Iterator[Float[np.ndarray, "postures joints"]]:
+def _retreats(
+    been: Float[np.ndarray, "touches joints"], edges: Edges
+) -> Iterator[Float[np.ndarray, "postures joints"]]:
     """None, and then the shortest ways back to where the robot has been, the last place first."""
     yield been[:0]
     if len(been) < 2:
         return
-    clear = ways.among(been)
+    clear = edges.among(been)
     clear |= np.abs(np.subtract.outer(np.arange(len(been)), np.arange(len(been)))) == 1  # it has come that way
     hops, before = shortest_path(clear, directed=False, unweighted=True, return_predecessors=True, indices=0)
     for k in np.argsort(hops, kind="stable")[1:]:
@@ -141,16 +145,16 @@ def _over(plan: Plan, back: Float[np.ndarray, "postures joints"]) -> Plan:
 
 
 def _from(
-    start: Float[np.ndarray, "1 joints"], at: Float[np.ndarray, "touches joints"], ways: Ways, anew: bool
+    start: Float[np.ndarray, "1 joints"], at: Float[np.ndarray, "touches joints"], edges: Edges, anew: bool
 ) -> Int[np.ndarray, " touches"] | None:
     """An order with clear ways from a start: one found anew, or the one that is there, or its reverse."""
     places = np.vstack([start, at])
     if anew:
-        found = _walk(ways.among(places), np.abs(places[:, None] - places[None]).max(axis=2))
+        found = _walk(edges.among(places), np.abs(places[:, None] - places[None]).max(axis=2))
         return None if found is None else np.array(found[1:]) - 1
-    if not ways.clear(at[:-1], at[1:]).all():
+    if not edges.clear(at[:-1], at[1:]).all():
         return None
-    first, last = ways.clear(np.vstack([start, start]), at[[0, -1]])
+    first, last = edges.clear(np.vstack([start, start]), at[[0, -1]])
     index = np.arange(len(at))
     return index if first else index[::-1] if last else None
 

@@ -100,7 +100,7 @@ def _mended(
         distance[kept] = np.inf
         near = np.argsort(distance, kind="stable")[:LOOKS]
         pairs = np.array([[a, b] for a in near for b in kept])
-        clear = offered.ways.clear(at[pairs[:, 0]], at[pairs[:, 1]], COARSE).reshape(len(near), len(kept)).sum(axis=1)
+        clear = offered.edges.clear(at[pairs[:, 0]], at[pairs[:, 1]], COARSE).reshape(len(near), len(kept)).sum(axis=1)
         kept = np.append(kept, near[int(np.argmax(clear >= min(NEIGHBOURS, clear.max())))])
     return kept
 

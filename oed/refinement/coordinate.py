@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from identify.model.ik import reach
 from identify.uncertainty.information import Knowledge, touch_sigma
 from oed.candidates.candidates import COLUMNS, Candidates
-from oed.candidates.feasibility import Judge, Verdict
+from oed.candidates.feasibility import Feasibility, Infeasibility
 from oed.criteria.aim import Aim
 from oed.refinement.nlp import OPTIONS, Program
 from oed.refinement.simultaneous import Joint
@@ -31,12 +31,12 @@ class Refinement:
     """The nonlinear program of one touch: the posture on a face that adds most to what all others tell."""
 
     known: Knowledge
-    judge: Judge
+    feasibility: Feasibility
 
     @cached_property
     def program(self) -> Program:
         """The touch in symbols."""
-        return Program(self.known, self.judge.margins)
+        return Program(self.known, self.feasibility.margins)
 
     @cached_property
     def solver(self) -> ca.Function:
@@ -67,7 +67,7 @@ class Refinement:
                 progress((i + 1) / len(touches))
         return out
 
-    def ways(
+    def approaches(
         self, touches: Candidates, q: Float[np.ndarray, "touches joints"]
     ) -> tuple[Candidates, Int[np.ndarray, " trials"]]:
         """Touches on the way from each one to a posture, the farthest first, that can be made; and from which one."""
@@ -75,7 +75,7 @@ class Refinement:
         asked = (touches.q[:, None] + SHARES[:, None] * (q - touches.q)[:, None]).reshape(len(owner), -1)
         face = touches.face[owner]
         q, landed = self._landed(face, asked)
-        approach, verdict = self.judge.touch(face, q)
+        approach, infeasibility = self.feasibility.touch(face, q)
         p, R = self.known.cell.kinematics.tip(q, self.known.theta)
         normal = touches.normal[owner]
         lean = -(R[:, :, 2] * normal).sum(axis=1)
@@ -83,7 +83,7 @@ class Refinement:
             touches, face=face, point=self._foot(face, p), normal=normal, tilt=np.arccos(np.clip(lean, -1, 1)), q=q,
             approach=approach,
         )  # fmt: skip
-        fine = landed & (verdict == Verdict.FINE) & self._inset(trials)
+        fine = landed & (infeasibility == Infeasibility.NONE) & self._inset(trials)
         return trials.take(fine), owner[fine]
 
     def _landed(
@@ -129,7 +129,7 @@ class Refinement:
         ok = np.ones(len(trials), dtype=bool)
         for i in np.unique(trials.face):
             mine, face = trials.face == i, trials.faces[i]
-            inset, at = self.judge.margins.inset[i] / face.size - 1e-9, face.fractions(trials.point[mine])
+            inset, at = self.feasibility.margins.inset[i] / face.size - 1e-9, face.fractions(trials.point[mine])
             ok[mine] = ((at >= inset) & (at <= 1 - inset)).all(axis=1)
         return ok
 
@@ -184,7 +184,7 @@ def _accepted(
     value: Value,
 ) -> tuple[Candidates, Float[np.ndarray, "touches kept"]]:
     """Touches after those moves towards `wanted` postures that can be made and raise the value; and their rows."""
-    trials, owner = refinement.ways(touches, wanted)
+    trials, owner = refinement.approaches(touches, wanted)
     rows = refinement.known.rows(
         trials.q, trials.normal, touch_sigma(refinement.known.cell, trials.names()), approach=trials.approach
     )

@@ -17,7 +17,7 @@ SHARE = 0.8  # of the distance that the nearer end of a way has, which the way k
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class Edges:
     """Which straight ways in joint space are clear, by as much as the tip may be off.
 
     A way keeps `keep` from the jig, or most of what both its ends have: like the inset, the margin comes from what is
@@ -30,7 +30,7 @@ class Ways:
     def clear(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
     ) -> Bool[np.ndarray, " ways"]:
-        """Ways on which arm and torch keep their margin, and the bare wire, between looks too, its own."""
+        """Edges on which arm and torch keep their margin, and the bare wire, between looks too, its own."""
         ok = np.ones(len(start), dtype=bool)
         owner, q = self._postures(start, end, step)
         if not len(owner):
@@ -42,7 +42,7 @@ class Ways:
         return ok
 
     def among(self, q: Float[np.ndarray, "poses joints"]) -> Bool[np.ndarray, "poses poses"]:
-        """Ways between every two poses that seem clear at a coarse look; each way is looked at once."""
+        """Edges between every two poses that seem clear at a coarse look; each way is looked at once."""
         name = [row.tobytes() for row in q]
         a, b = np.triu_indices(len(q), 1)
         pairs = [(name[i], name[j]) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
@@ -55,7 +55,7 @@ class Ways:
 
     @cached_property
     def _seen(self) -> dict[tuple[bytes, bytes], bool]:
-        """Ways that were looked at coarsely, by both their ends."""
+        """Edges that were looked at coarsely, by both their ends."""
         return {}
 
     def _margins(

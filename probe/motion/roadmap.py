@@ -10,7 +10,7 @@ from identify.model.cell import Cell
 from identify.model.ik import reach
 from identify.model.touch import Plan
 from probe.motion.clearance import CLEAR, MARGIN
-from probe.motion.edges import Ways, components
+from probe.motion.edges import Edges, components
 from probe.motion.tour import RAMP, Order, minutes, order, travel
 
 LIFT = 40.0, 80.0  # [mm] that a lifted tip stands above its approach, or above all of the jig: at least and at most
@@ -21,7 +21,7 @@ TURN = 2.0  # [rad], most that a joint turns on the way up: else the arm goes ov
 class Roadmap:
     """What the robot may do between touches: go straight where that is clear, or over postures in between."""
 
-    ways: Ways
+    edges: Edges
     cell: Cell
     lifted: Float[np.ndarray, "lifted joints"]  # postures that may be passed
     home: Float[np.ndarray, "homes joints"]  # where the robot stands before the first touch, if that is known
@@ -39,7 +39,7 @@ class Roadmap:
         Never longer than `start`, nor blocked where that is not.
         """
         q = np.concatenate([plan.approach, self.lifted, self.home])
-        n, clear = len(plan), self.ways.among(q)
+        n, clear = len(plan), self.edges.among(q)
         sure, before = np.eye(len(q), dtype=bool), start
         while True:
             D, then = shortest_ways(np.where(clear, travel(self.cell, q) + RAMP, np.inf), n, n + len(self.lifted))
@@ -51,7 +51,7 @@ class Roadmap:
             legs = [leg for way in passed for leg in pairwise(way)]
             a, b = np.array(legs, dtype=int).reshape(-1, 2).T
             new = np.flatnonzero(~sure[a, b])
-            fine = self.ways.clear(q[a[new]], q[b[new]])
+            fine = self.edges.clear(q[a[new]], q[b[new]])
             sure[a[new], b[new]] = sure[b[new], a[new]] = True
             clear[a[new], b[new]] = clear[b[new], a[new]] = fine
             if fine.all():
@@ -61,7 +61,7 @@ class Roadmap:
 
     def groups(self, approach: Float[np.ndarray, "touches joints"]) -> Int[np.ndarray, " touches"]:
         """The group of each touch, of those that ways connect which seem clear at a coarse look."""
-        return components(self.ways.among(np.concatenate([approach, self.lifted, self.home])))[: len(approach)]
+        return components(self.edges.among(np.concatenate([approach, self.lifted, self.home])))[: len(approach)]
 
 
 def with_via(plan: Plan, via: Float[np.ndarray, "touches vias joints"]) -> Plan:
@@ -83,14 +83,14 @@ def shortest_ways(
 
 
 def lifts(
-    ways: Ways, cell: Cell, approach: Float[np.ndarray, "touches joints"], normal: Float[np.ndarray, "touches 3"]
+    edges: Edges, cell: Cell, approach: Float[np.ndarray, "touches joints"], normal: Float[np.ndarray, "touches 3"]
 ) -> Float[np.ndarray, "touches joints"]:
     """Postures above the approaches of touches, the wire as it stands there; NaN where there is none.
 
     Over all of the jig, or else off the face.
     """
-    theta, boxes = ways.clearance.theta, () if cell.jig is None else cell.jig.boxes
-    height, joints = float(np.clip(ways.keep, *LIFT)), len(cell.robot.joints)
+    theta, boxes = edges.clearance.theta, () if cell.jig is None else cell.jig.boxes
+    height, joints = float(np.clip(edges.keep, *LIFT)), len(cell.robot.joints)
     top = max((box.upper[2] for box in boxes), default=-np.inf) + height
     tip, R = cell.kinematics.tip(approach, theta)
     over = np.column_stack([tip[:, :2], np.maximum(tip[:, 2] + height, top)])
@@ -108,7 +108,7 @@ def lifts(
         )
         turn = np.where(cell.robot.prismatic, 0.0, np.abs(found.q - approach[left])).max(axis=1, initial=0.0)
         ok = np.flatnonzero(found.reached(1.0) & (turn < TURN))
-        ok = ok[ways.clearance.hits(found.q[ok], margin=MARGIN) == CLEAR]
+        ok = ok[edges.clearance.hits(found.q[ok], margin=MARGIN) == CLEAR]
         lifted[left[ok]] = found.q[ok]
     return lifted
 

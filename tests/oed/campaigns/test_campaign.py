@@ -16,7 +16,7 @@ from identify.model.zone import zone_poses
 from identify.uncertainty.assurance import assured
 from oed.campaigns.campaign import Job, campaign
 from oed.campaigns.folder import Folder, over_port, touches_of
-from oed.planning.uncertain import begun, plan_warily
+from oed.planning.uncertain import begun, plan_under_uncertainty
 from probe import Settings
 from probe.line.clock import Clock
 from probe.line.controller import TouchError
@@ -40,7 +40,7 @@ def toucher(cell, truth, rng, calls=None):
 
 
 def quickly(cell, n, rng, after):
-    return plan_warily(cell, n, rng, after)
+    return plan_under_uncertainty(cell, n, rng, after)
 
 
 def errors(cell, theta, truth):
@@ -51,7 +51,7 @@ def errors(cell, theta, truth):
 @pytest.fixture(scope="module")
 def first(known):
     """Touches of a first stage."""
-    return plan_warily(known, 8, np.random.default_rng(4))
+    return plan_under_uncertainty(known, 8, np.random.default_rng(4))
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_a_robot_known_to_its_tolerances_is_searched_farther_than_one_identified
 def test_a_jig_that_is_nowhere_is_said(known, first, monkeypatch):
     away = known.theta.copy()
     away[1] -= 2000.0
-    monkeypatch.setattr("oed.campaigns.campaign.plan_warily", lambda *planned: first)
+    monkeypatch.setattr("oed.campaigns.campaign.plan_under_uncertainty", lambda *planned: first)
 
     with pytest.raises(TouchError, match="none of 8 touches met the jig"):
         campaign(
@@ -130,7 +130,7 @@ def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(kno
 def far(arc_welder):
     """The cell with searches for a robot that may be 80 mm off, and a few of them."""
     wide = replace(arc_welder, touch=replace(arc_welder.touch, approach=80.0, travel=160.0))
-    return wide, plan_warily(wide, 16, np.random.default_rng(4))
+    return wide, plan_under_uncertainty(wide, 16, np.random.default_rng(4))
 
 
 @pytest.mark.parametrize("seed", [0, 4, 6])

@@ -14,7 +14,7 @@ from identify.model.jig import Box, Face, Jig
 from identify.model.measurement import MeasurementModel
 from oed.candidates.candidates import COLUMNS, candidates
 from oed.candidates.edge_margins import EDGE, SHARE, margins, warnings
-from oed.candidates.feasibility import BRINK, Judge, Verdict
+from oed.candidates.feasibility import BRINK, Feasibility, Infeasibility
 from oed.candidates.ik_branches import Branches, Poses, distinct
 from oed.candidates.targets import spread, structured, targets
 from probe.motion.clearance import MARGIN, NEAR, Clearance
@@ -268,20 +268,20 @@ def test_a_better_model_places_the_touches_by_itself(rng):
 
 def test_a_touch_that_cannot_be_made_is_refused_for_its_reason():
     cell, some = sample("arc-welder", 200)
-    judge = Judge(cell, cell.theta, some.margins)
+    feasibility = Feasibility(cell, cell.theta, some.margins)
     same = some.face, some.q, some.approach
 
-    assert (judge.verdict(*same) == Verdict.FINE).all()
+    assert (feasibility.check(*same) == Infeasibility.NONE).all()
     tilted = replace(cell, touch=replace(cell.touch, max_tilt=np.median(some.tilt) - 1e-3))
-    assert (Judge(tilted, cell.theta, some.margins).verdict(*same) == Verdict.TILT).mean() >= 0.5
+    assert (Feasibility(tilted, cell.theta, some.margins).check(*same) == Infeasibility.TILT).mean() >= 0.5
     limits = [replace(j, upper=float(np.median(some.q[:, i]))) for i, j in enumerate(cell.robot.joints)]
     narrow = replace(cell, robot=replace(cell.robot, joints=(limits[0], *cell.robot.joints[1:])))
-    assert (Judge(narrow, cell.theta, some.margins).verdict(*same) == Verdict.LIMITS).sum() == 100
+    assert (Feasibility(narrow, cell.theta, some.margins).check(*same) == Infeasibility.LIMITS).sum() == 100
     wide = replace(some.margins, overtravel=np.full(11, 1e4))
-    assert (Judge(cell, cell.theta, wide).verdict(*same) == Verdict.SEARCH).mean() > 0.9
-    assert Verdict.JIG in Judge(cell, cell.theta, some.margins, margin=25.0).verdict(*same)
+    assert (Feasibility(cell, cell.theta, wide).check(*same) == Infeasibility.SEARCH).mean() > 0.9
+    assert Infeasibility.JIG in Feasibility(cell, cell.theta, some.margins, margin=25.0).check(*same)
     elsewhere = (some.face + 1) % 11
-    assert (judge.verdict(elsewhere, some.q, some.approach) != Verdict.FINE).all()
+    assert (feasibility.check(elsewhere, some.q, some.approach) != Infeasibility.NONE).all()
 
 
 def test_a_wall_beside_the_face_keeps_the_wire_from_leaning_over_it():

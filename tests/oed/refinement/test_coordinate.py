@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from identify.uncertainty.information import touch_sigma
-from oed.candidates.feasibility import Verdict
+from oed.candidates.feasibility import Infeasibility
 from oed.criteria.aim import Aim, mean_square
 from oed.planning.candidate_set import offer
 from oed.planning.visitable import Best
@@ -23,7 +23,7 @@ def offered(arc_welder):
 
 @pytest.fixture(scope="module")
 def refinement(offered):
-    return Refinement(offered.known, offered.judge)
+    return Refinement(offered.known, offered.feasibility)
 
 
 @pytest.fixture(scope="module", params=["D", "V"])
@@ -78,7 +78,7 @@ def test_moved_touches_are_approached_along_the_normal_with_the_same_wire(offere
 
 
 def test_moved_touches_can_be_made(offered, moved):
-    assert (offered.judge.verdict(moved.face, moved.q, moved.approach) == Verdict.FINE).all()
+    assert (offered.feasibility.check(moved.face, moved.q, moved.approach) == Infeasibility.NONE).all()
 
 
 def test_no_two_moved_touches_become_one(moved, chosen):

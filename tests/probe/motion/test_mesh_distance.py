@@ -18,7 +18,7 @@ from identify.model.urdf.chain import read_urdf
 from oed.candidates.candidates import candidates
 from probe.motion.bodies import around
 from probe.motion.clearance import CLEAR, MARGIN, Clearance
-from probe.motion.edges import FINE, Ways
+from probe.motion.edges import FINE, Edges
 from probe.motion.obstacles import Obstacle
 
 pytest.importorskip("coal")
@@ -160,9 +160,9 @@ def test_touches_and_ways_keep_the_meshes_clear(cell, rng):
     assert min(outside(arm, q) for q in found.q[:40]) >= MARGIN - 1e-4
     assert min(outside(arm, q) for q in found.approach[:40]) >= MARGIN - 1e-4
     assert min(inside(arm, q) for q in found.q[:40]) >= MARGIN - 1e-4
-    ways = Ways(Clearance(cell, cell.theta))
+    edges = Edges(Clearance(cell, cell.theta))
     start, end = found.approach[:30], found.approach[30:60]
-    clear = ways.clear(start, end, FINE)
+    clear = edges.clear(start, end, FINE)
     assert clear.any()
     for a, b in zip(start[clear][:5], end[clear][:5], strict=True):
         assert min(outside(arm, a + s * (b - a)) for s in np.linspace(0, 1, 9)) >= MARGIN / 2 - 1e-4

@@ -1,4 +1,4 @@
-"""Ways between touches: clear by as much as the robot is uncertain, over lifted postures where they must."""
+"""Edges between touches: clear by as much as the robot is uncertain, over lifted postures where they must."""
 
 from itertools import pairwise
 
@@ -9,7 +9,7 @@ from oed.candidates.candidates import candidates
 from oed.candidates.feasibility import WIRE
 from oed.planning.candidate_set import plan_of
 from probe.motion.clearance import Clearance
-from probe.motion.edges import SHARE, Ways
+from probe.motion.edges import SHARE, Edges
 from probe.motion.roadmap import Roadmap, lifts, shortest_ways, with_via
 from probe.motion.torch import STICKOUT
 from probe.motion.tour import RAMP, travel
@@ -50,11 +50,11 @@ def test_the_shortest_ways_are_those_of_dijkstra(rng):
 
 @pytest.mark.parametrize("keep", [0.0, 15.0, 60.0])
 def test_ways_keep_as_clear_of_the_jig_as_asked_or_nearly_what_their_ends_have(arc_welder, touches, keep):
-    ways = Ways(Clearance(arc_welder, arc_welder.theta), keep=keep)
+    edges = Edges(Clearance(arc_welder, arc_welder.theta), keep=keep)
     a, b = np.triu_indices(len(touches), 1)
     start, end = touches.approach[a], touches.approach[b]
 
-    clear = ways.clear(start, end)
+    clear = edges.clear(start, end)
 
     assert 0 < clear.sum() < len(clear)
     ends = np.minimum(gap(arc_welder, start, STICKOUT), gap(arc_welder, end, STICKOUT))
@@ -62,14 +62,14 @@ def test_ways_keep_as_clear_of_the_jig_as_asked_or_nearly_what_their_ends_have(a
     for share in np.linspace(0.0, 1.0, 21):
         at = gap(arc_welder, start + share * (end - start))
         assert (at[clear] > wanted[clear] - 1.0).all()  # [mm]; the tip goes on a curve between two looks
-    wider = Ways(Clearance(arc_welder, arc_welder.theta), keep=keep + 30.0).clear(start, end)
+    wider = Edges(Clearance(arc_welder, arc_welder.theta), keep=keep + 30.0).clear(start, end)
     assert not (wider & ~clear).any()
 
 
 def test_lifted_postures_stand_above_their_approaches_with_the_wire_as_it_was(arc_welder, touches):
-    ways = Ways(Clearance(arc_welder, arc_welder.theta), keep=50.0)
+    edges = Edges(Clearance(arc_welder, arc_welder.theta), keep=50.0)
 
-    found = lifts(ways, arc_welder, touches.approach, touches.normal)
+    found = lifts(edges, arc_welder, touches.approach, touches.normal)
 
     there = ~np.isnan(found).any(axis=1)
     tip, R = arc_welder.kinematics.tip(touches.approach[there], arc_welder.theta)
@@ -81,10 +81,10 @@ def test_lifted_postures_stand_above_their_approaches_with_the_wire_as_it_was(ar
 
 
 def test_a_robot_may_go_over_lifted_postures_where_no_straight_way_is_clear(arc_welder, touches, rng):
-    ways = Ways(Clearance(arc_welder, arc_welder.theta), keep=20.0)
-    up = lifts(ways, arc_welder, touches.approach, touches.normal)
+    edges = Edges(Clearance(arc_welder, arc_welder.theta), keep=20.0)
+    up = lifts(edges, arc_welder, touches.approach, touches.normal)
     up, none = up[~np.isnan(up).any(axis=1)], np.empty((0, 6))
-    straight, lifted = (Roadmap(ways, arc_welder, over, none) for over in (none, up))
+    straight, lifted = (Roadmap(edges, arc_welder, over, none) for over in (none, up))
 
     alone, _ = straight.order(plan_of(touches), rng)
     found, _ = lifted.order(plan_of(touches), rng)
@@ -95,18 +95,18 @@ def test_a_robot_may_go_over_lifted_postures_where_no_straight_way_is_clear(arc_
     for i in range(1, len(plan)):
         if i - 1 not in found.blocked:
             way = np.vstack([plan.approach[i - 1], plan.way(i)])
-            assert ways.clear(way[:-1], way[1:]).all()
+            assert edges.clear(way[:-1], way[1:]).all()
 
 
 def test_the_first_touch_is_led_to_from_where_the_robot_stands(arc_welder, touches, rng):
-    ways = Ways(Clearance(arc_welder, arc_welder.theta))
-    up = lifts(ways, arc_welder, touches.approach, touches.normal)
+    edges = Edges(Clearance(arc_welder, arc_welder.theta))
+    up = lifts(edges, arc_welder, touches.approach, touches.normal)
     home = np.zeros((1, 6))
 
-    found, _ = Roadmap(ways, arc_welder, up[~np.isnan(up).any(axis=1)], home).order(plan_of(touches), rng)
+    found, _ = Roadmap(edges, arc_welder, up[~np.isnan(up).any(axis=1)], home).order(plan_of(touches), rng)
 
     plan = with_via(plan_of(touches).take(found.index), found.via)
     way = np.vstack([home, plan.way(0)])
-    assert ways.clear(way[:-1], way[1:]).all()
+    assert edges.clear(way[:-1], way[1:]).all()
     legs = [travel(arc_welder, np.vstack(pair))[0, 1] + RAMP for pair in pairwise(way)]
     assert sum(legs) < 10.0  # [s]
