@@ -6,7 +6,6 @@ In the order in which data walks through:
     targets       contacts to ask for: corners, edges and insides of faces, with leans and turns of the wire
     ik_branches   all branches of the inverse kinematics of many poses
     feasibility   whether a touch can be made: contact, way from the approach, search beyond
-    reasons       why a face of the jig is not touched, in words
     candidates    contact points, wire, joint values of contact and approach
     even          points spread evenly over the faces, and random ones
 """

@@ -104,7 +104,7 @@ def test_no_small_step_along_the_face_beats_what_ipopt_found(offered, refinement
     best = refinement.best(one, C[None], W[None])[0]
 
     steps = best + 0.02 * rng.standard_normal((2000, len(best)))
-    around, _ = refinement.ways(one.take(np.zeros(len(steps), dtype=int)), steps)
+    around, _ = refinement.approaches(one.take(np.zeros(len(steps), dtype=int)), steps)
     assert worth(best[None])[0] >= worth(one.q)[0]
     assert len(around) > 5  # the best lies in a corner, with the wire as steep as it may be
     assert worth(around.q).max() <= 1.001 * worth(best[None])[0]
