@@ -7,7 +7,9 @@ In the order in which data walks through:
     charts  the numbers of a calibration as charts
     beyond  joint errors that the touches chose, and causes that residuals show
     ladder  what each way of applying the calibration gives
-    page    one self-contained page
+    page    one self-contained page, its tables and its 3-D view
+    certificate  head and foot of a report: who, when, with what, and lines to sign
+    history  what has changed since earlier calibrations
     report  the report of a calibration
     plan    the page of a plan
 """

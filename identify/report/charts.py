@@ -8,6 +8,8 @@ from identify.model.io.calibration_file import Calibration
 from identify.report.svg import AFTER, BEFORE, OUT, Axis, Chart, around, axis, colour, diverging, named
 from identify.uncertainty.zone_map import ZoneMap
 
+LEAST = 0.2  # of the largest error: the colours of the zone span at least so much of it
+
 
 def residuals_in_time(c: Calibration) -> str:
     """Residuals in the order of the touches: a drift is a slope."""
@@ -87,13 +89,15 @@ def singular_values(c: Calibration) -> str:
 
 
 def zone_slices(zone: ZoneMap) -> str:
-    """Predicted tip error over slices of the weld zone, with a scale."""
-    top = float(np.nanmax(zone.error, initial=0.0)) or 1.0
-    parts = [_slice(zone, k, top) for k in range(len(zone.z))]
-    return '<div class="row maps">' + "".join(parts) + _scale(top) + "</div>"
+    """Predicted tip error over slices of the weld zone; the colours run from the smallest to the largest."""
+    finite = zone.error[np.isfinite(zone.error)]
+    high = float(finite.max(initial=0.0)) or 1.0
+    span = (min(float(finite.min(initial=high)), (1 - LEAST) * high), high)
+    parts = [_slice(zone, k, span) for k in range(len(zone.z))]
+    return '<div class="row maps">' + "".join(parts) + _scale(span) + "</div>"
 
 
-def _slice(zone: ZoneMap, k: int, top: float) -> str:
+def _slice(zone: ZoneMap, k: int, span: tuple[float, float]) -> str:
     X, Y = np.meshgrid(zone.x, zone.y, indexing="ij")
     error = zone.error[:, :, k].ravel()
     step = (zone.x[1] - zone.x[0], zone.y[1] - zone.y[0])
@@ -101,14 +105,16 @@ def _slice(zone: ZoneMap, k: int, top: float) -> str:
     chart = Chart(f"z = {zone.z[k]:.0f} mm", x, y, 300, 260)
     places = zip(X.ravel(), Y.ravel(), error, strict=True)
     hints = ["out of reach" if np.isnan(e) else f"({u:.0f}, {v:.0f}): {e:.3f} mm" for u, v, e in places]
-    chart.cells(X.ravel(), Y.ravel(), step, colour(error / top), hints)
+    chart.cells(X.ravel(), Y.ravel(), step, colour((error - span[0]) / (span[1] - span[0])), hints)
     return str(chart)
 
 
-def _scale(top: float) -> str:
-    shares = np.linspace(0, 1, 40)
-    y = axis("expected tip error (RMS), mm", [0.0, top], zero=True)
-    y = Axis(y.title, 0.0, top, tuple(t for t in y.ticks if t <= top), tuple(f"{t:.3g}" for t in y.ticks if t <= top))
+def _scale(span: tuple[float, float]) -> str:
+    """The colours and what they mean."""
+    low, high = span
+    values = np.linspace(low, high, 40)
+    ticks = np.linspace(low, high, 5)
+    y = Axis("expected tip error (RMS), mm", low, high, tuple(ticks.tolist()), tuple(f"{t:.3f}" for t in ticks))
     chart = Chart("scale", Axis("", -0.5, 0.5, (), ()), y, 120, 260)
-    chart.cells(np.zeros(40), shares * top, (1.0, top / 39), colour(shares), ["" for _ in shares])
+    chart.cells(np.zeros(40), values, (1.0, (high - low) / 39), colour(np.linspace(0, 1, 40)), ["" for _ in values])
     return str(chart)

@@ -11,33 +11,45 @@ from identify.model.io.calibration_file import Calibration, Errors, summarize
 from identify.model.touch import Positions, Touches
 from identify.report import charts
 from identify.report.beyond import chosen, findings
+from identify.report.certificate import Issue, foot, head
+from identify.report.history import history
 from identify.report.ladder import ways
-from identify.report.page import page, table, view
+from identify.report.page import folded, page, table, view
 from identify.report.scene import scene
 from identify.uncertainty.zone_map import ZoneMap, zone_map
 
 
-def report(c: Calibration, measured: Sequence[Touches | Positions] = (), verified: Verification | None = None) -> str:
-    """A self-contained HTML page; `measured` are the touches it was made from, for the view and the faces."""
+def report(
+    c: Calibration,
+    measured: Sequence[Touches | Positions] = (),
+    verified: Verification | None = None,
+    *,
+    issue: Issue | None = None,
+    earlier: Sequence[tuple[str, Calibration]] = (),
+) -> str:
+    """A self-contained HTML page: the certificate of a calibration.
+
+    `measured` are the measurements it was made from, for the view and the faces; `earlier` calibrations of the same
+    robot, by the names of their files, show what has changed since.
+    """
     zone = zone_map(c)
     faces = {name: face for t in measured if isinstance(t, Touches) for name, face in zip(t.ids, t.face, strict=True)}
     shown = _scene(c, measured)
-    jig = c.cell.jig.name if c.cell.jig else "none"
-    counted = f"{len(c.residuals)} measurements, {len(c.estimated)} of {len(c.theta)} parameters estimated, jig {jig}"
-    hashes = [[name, value] for name, value in {**c.inputs, **c.cell.sources}.items()]
     sections = [
-        f'<h1>Calibration of {escape(c.cell.robot.name)}</h1><p class="soft">{escape(counted)}</p>',
+        head(c, issue or Issue(), measured),
         _verdict(c, zone, verified),
         "<h2>Accuracy</h2>", _accuracy(c, verified),
         "" if zone is None else f"<h2>Expected tip error in the weld zone</h2>{charts.zone_slices(zone)}{ZONE}",
         "<h2>Robot, jig and touches</h2>", view(shown),
+        history(c, earlier),
         "<h2>Residuals</h2>",
-        f'<div class="row">{charts.residuals_by_face(c, faces)}{charts.residuals_in_time(c)}</div>',
-        findings(c), _outliers(c),
-        chosen(c), "<h2>Parameters</h2>", _parameters(c),
-        f'<div class="row">{charts.singular_values(c)}{charts.correlations(c)}</div>',
+        f'<div class="row figures">{charts.residuals_by_face(c, faces)}{charts.residuals_in_time(c)}</div>',
+        findings(c), _outliers(c), chosen(c),
+        f'<h2>Parameters</h2><div class="columns">{_parameters(c)}</div>',
+        folded("How well each direction is seen, and correlations",
+               f'<div class="row">{charts.singular_values(c)}{charts.correlations(c)}</div>'),
         "<h2>How to apply it</h2>", APPLY, ways(ladder(c)), SCALE,
-        "<h2>Where it comes from</h2>", table(["file", "SHA-256"], hashes),
+        "<h2>Where it comes from</h2>", foot(c),
     ]  # fmt: skip
     return page(f"Calibration of {c.cell.robot.name}", "\n".join(sections), shown)
 

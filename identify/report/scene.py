@@ -1,13 +1,20 @@
 """What the 3-D view shows, as plain data: jig, zone, touches, and the robot at each of them."""
 
+from base64 import b64encode
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from identify.model.cell import Cell
+from identify.model.robot import Robot
 
 MOST = 300  # touches that can be stepped through: the page stays small
+TRIANGLES = 1200  # of a link, about
+FINEST = 4.0  # [mm], grid on which vertices are merged
+UNIT = 0.1  # [mm], of the numbers that meshes are written in
+
+Mesh = tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]
 
 
 def scene(
@@ -20,8 +27,11 @@ def scene(
 ) -> dict[str, Any]:
     """Everything in the jig frame [mm]; `theta` is the identified robot, None where there is only the nominal one."""
     jig, zone = cell.jig, cell.zone
-    nominal = _skeletons(cell, cell.theta, q[:MOST])
-    identified = None if theta is None else _skeletons(cell, theta, q[:MOST])
+    q = q[:MOST]
+    nominal = _skeletons(cell, cell.theta, q)
+    identified = None if theta is None else _skeletons(cell, theta, q)
+    links = _links(cell.robot)
+    frames = _frames(cell, cell.theta if theta is None else theta, q) if links else None
     return {
         "faces": [
             {"name": f.name, "origin": f.origin.tolist(), "u": f.u.tolist(), "v": f.v.tolist()}
@@ -29,12 +39,15 @@ def scene(
         ],
         "boxes": [{"lower": b.lower, "upper": b.upper} for b in (jig.boxes if jig else ())],
         "zone": None if zone is None else {"lower": zone.box[:, 0].tolist(), "upper": zone.box[:, 1].tolist()},
+        "unit": UNIT,
+        "links": links,
         "touches": [
             {"id": ids[i], "face": faces[i], "words": words[i], "nominal": nominal[i].tolist()}
             | ({} if identified is None else {"identified": identified[i].tolist()})
+            | ({} if frames is None else {"frames": frames[i].tolist()})
             for i in range(len(nominal))
         ],
-        "left": max(0, len(q) - MOST),
+        "left": max(0, len(ids) - len(nominal)),
     }
 
 
@@ -47,3 +60,57 @@ def _skeletons(
     frames = cell.kinematics.links(q, theta)
     tip = cell.kinematics.tip(q, theta)[0]
     return np.stack([*(T[:, :, 3] for T in frames), tip], axis=1).round(1)
+
+
+def _frames(
+    cell: Cell, theta: Float[np.ndarray, " parameters"], q: Float[np.ndarray, "touches joints"]
+) -> Float[np.ndarray, "touches numbers"]:
+    """Seven numbers a link frame: its origin [mm] and its quaternion (x, y, z, w)."""
+    if not len(q):
+        return np.empty((0, 0))
+    from scipy.spatial.transform import Rotation  # half a second, and only robots with meshes need it
+
+    turns = [Rotation.from_matrix(T[:, :, :3]).as_quat().round(5) for T in cell.kinematics.links(q, theta)]
+    origins = [T[:, :, 3].round(1) for T in cell.kinematics.links(q, theta)]
+    return np.hstack([column for pair in zip(origins, turns, strict=True) for column in pair])
+
+
+def _links(robot: Robot) -> list[dict[str, Any]]:
+    """The meshes of the links, merged on a grid until they are small."""
+    links = []
+    for number in sorted({shape.link for shape in robot.shapes if _drawable(shape.kind, shape.path)}):
+        meshes = [s.mesh for s in robot.shapes if s.link == number and _drawable(s.kind, s.path)]
+        vertices, triangles = simplified(*joined_mesh(meshes))
+        links.append({"link": number, "vertices": _text(vertices / UNIT, "<i2"), "triangles": _text(triangles, "<u2")})
+    return links
+
+
+def _drawable(kind: str, path: object) -> bool:
+    return kind == "mesh" and path is not None
+
+
+def joined_mesh(meshes: list[Mesh]) -> Mesh:
+    """The vertices and triangles of several meshes as one."""
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    return (
+        np.concatenate([vertices for vertices, _ in meshes]),
+        np.concatenate([triangles + k for (_, triangles), k in zip(meshes, first[:-1], strict=True)]),
+    )
+
+
+def simplified(vertices: Float[np.ndarray, "vertices 3"], triangles: Int[np.ndarray, "triangles 3"]) -> Mesh:
+    """A mesh of about TRIANGLES triangles: vertex clustering (Rossignac and Borrel 1993) on a grid that grows."""
+    size = FINEST
+    while True:
+        _, first, place = np.unique(np.round(vertices / size), axis=0, return_index=True, return_inverse=True)
+        merged = place.ravel()[triangles]
+        solid = (merged[:, 0] != merged[:, 1]) & (merged[:, 1] != merged[:, 2]) & (merged[:, 0] != merged[:, 2])
+        merged = np.unique(merged[solid], axis=0)
+        if len(merged) <= TRIANGLES:
+            return vertices[first], merged
+        size *= 1.3
+
+
+def _text(numbers: np.ndarray, kind: str) -> str:
+    """Numbers as base64 text."""
+    return b64encode(np.round(numbers).astype(kind).tobytes()).decode()

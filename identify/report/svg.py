@@ -8,7 +8,9 @@ from html import escape
 import numpy as np
 from jaxtyping import Float
 
-BEFORE, AFTER, OUT = "#b0752c", "#1f6fb2", "#c0392b"
+# colours of the page, which follow its theme; files of their own take the ones behind the comma
+BEFORE, AFTER, OUT = "var(--before, #b0752c)", "var(--after, #1f6fb2)", "var(--out, #c0392b)"
+NOTHING = "var(--nothing, #ddd)"
 MARGIN = (46, 18, 26, 58)  # bottom, right, top, left
 MOST = 8  # decades that are labelled on one axis, about
 SCALE = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))  # dark to light: small to large
@@ -181,11 +183,12 @@ def picture(chart: Chart) -> str:
         ".over { paint-order: stroke; stroke: #fff; stroke-width: 3px } .grid { stroke: #ddd } "
         ".level { stroke: #888; stroke-dasharray: 4 3 } .title { font-size: 12px }"
     )
+    drawn = re.sub(r"var\(--\w+, (#\w+)\)", r"\1", "".join(chart.parts))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {chart.width} {high}" width="{chart.width}" '
         f'height="{high}" role="img" aria-label="{title}"><style>{style}</style><rect width="100%" height="100%" '
         f'fill="#fff"/><text class="title" x="{chart.width / 2:.0f}" y="14" text-anchor="middle">{title}</text>'
-        f'<g transform="translate(0 22)">{"".join(chart.parts)}</g></svg>\n'
+        f'<g transform="translate(0 22)">{drawn}</g></svg>\n'
     )
 
 
@@ -196,7 +199,7 @@ def colour(share: Float[np.ndarray, " values"]) -> list[str]:
     low = np.minimum(place.astype(int), len(anchors) - 2)
     mixed = anchors[low] + (place - low)[:, None] * (anchors[low + 1] - anchors[low])
     return [
-        "#ddd" if np.isnan(s) else "rgb({:.0f},{:.0f},{:.0f})".format(*m) for s, m in zip(share, mixed, strict=True)
+        NOTHING if np.isnan(s) else "rgb({:.0f},{:.0f},{:.0f})".format(*m) for s, m in zip(share, mixed, strict=True)
     ]
 
 

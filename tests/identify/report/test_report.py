@@ -4,6 +4,8 @@ import json
 import os
 import re
 import shutil
+from base64 import b64decode
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +20,7 @@ from identify.model.io.calibration_file import Finding, Term
 from identify.model.jig import Jig
 from identify.report.plan import plan_page
 from identify.report.report import report
-from identify.report.svg import axis, colour
+from identify.report.svg import NOTHING, axis, colour
 from identify.uncertainty.zone_map import zone_map
 
 HOSTILE = "<script>document.title='owned'</script><!--"
@@ -101,7 +103,7 @@ def test_an_axis_covers_its_values_with_a_few_round_ticks(values):
 def test_colours_run_from_dark_to_light_and_grey_is_nothing():
     shades = colour(np.array([0.0, 1.0, np.nan]))
 
-    assert shades == ["rgb(68,1,84)", "rgb(253,231,37)", "#ddd"]
+    assert shades == ["rgb(68,1,84)", "rgb(253,231,37)", NOTHING]
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +129,16 @@ def browser():
     window = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
     yield window
     window.quit()
+
+
+@contextmanager
+def emulated(browser, **media):
+    """A screen that prefers dark colours, or paper."""
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    try:
+        yield
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
 
 
 def opened(browser, text, folder, width):
@@ -158,6 +170,45 @@ def test_the_page_opens_without_errors_and_fits_the_window(width, browser, html,
     assert canvas_colours(browser) > 20
 
 
+def test_a_dark_screen_gets_a_dark_page_and_a_dark_view(browser, html, tmp_path):
+    features = [{"name": "prefers-color-scheme", "value": "dark"}]
+    with emulated(browser, features=features):
+        opened(browser, html, tmp_path, 1400)
+        paper, ink = browser.execute_script(
+            "const s = getComputedStyle(document.body); return [s.backgroundColor, s.color];"
+        )
+        corner = browser.execute_script(
+            "const c = document.querySelector('#view canvas'), d = document.createElement('canvas');"
+            "d.width = d.height = 1; const x = d.getContext('2d'); x.drawImage(c, 0, 0, 1, 1, 0, 0, 1, 1);"
+            "return [...x.getImageData(0, 0, 1, 1).data].slice(0, 3);"
+        )
+
+    dark, light = (sum(map(int, re.findall(r"\d+", text))) for text in (paper, ink))
+    assert dark < 150 < 600 < light
+    assert sum(corner) < 200
+
+
+def test_every_cell_of_a_table_names_its_column_on_a_telephone(browser, html, tmp_path):
+    opened(browser, html, tmp_path, 360)
+
+    cut = browser.execute_script(
+        "return [...document.querySelectorAll('.wide')].filter(e => e.scrollWidth > e.clientWidth + 1).length"
+    )
+    heads = browser.execute_script(
+        "return [...document.querySelectorAll('td:nth-child(2)')].map(e => getComputedStyle(e, '::before').content)"
+    )
+    assert cut == 0
+    assert '"n"' in heads
+
+
+def test_the_report_prints_on_three_pages(browser, html, tmp_path):
+    opened(browser, html, tmp_path, 1400)
+
+    printed = b64decode(browser.execute_cdp_cmd("Page.printToPDF", {"paperWidth": 8.27, "paperHeight": 11.69})["data"])
+
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) <= 3
+
+
 PAPER = [(718, 1047), (740, 980)]  # [px] of A4 and letter within their margins
 
 
@@ -179,15 +230,15 @@ def test_on_paper_nothing_is_cut_and_nothing_asks_for_a_mouse(paper, page, brows
         tall = browser.execute_script(
             "return [...document.querySelectorAll('figure, .maps, #view')].map(e => e.getBoundingClientRect().height)"
         )
-        said = browser.execute_script("return document.body.innerText")
+        text = browser.execute_script("return document.body.innerText")
     finally:
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
         browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
     assert beyond == []
     assert max(tall) < 0.6 * high
-    assert "Drag to orbit" not in said
-    assert not re.search(r"^(back|next)$", said, flags=re.M)
+    assert "arrow keys" not in text
+    assert not re.search(r"^(back|next)$", text, flags=re.M)
 
 
 def test_the_whole_scene_is_in_the_frame_whatever_its_shape(browser, html, tmp_path):
@@ -211,15 +262,34 @@ def test_the_view_steps_and_orbits(browser, html, tmp_path):
 
     opened(browser, html, tmp_path, 1400)
     view = browser.find_element(By.ID, "view")
-    first, before = browser.find_element(By.ID, "said").text, view.get_attribute("data-camera")
+    first, before = browser.find_element(By.ID, "caption").text, view.get_attribute("data-camera")
 
     browser.find_element(By.ID, "next").click()
     browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", view)
     ActionChains(browser).move_to_element(view).click_and_hold().move_by_offset(120, 40).release().perform()
 
     assert view.get_attribute("data-step") == "1"
-    assert browser.find_element(By.ID, "said").text != first
+    assert browser.find_element(By.ID, "caption").text != first
     assert view.get_attribute("data-camera") != before
+
+
+def test_the_keyboard_turns_the_view_and_steps_through_the_touches(browser, html, tmp_path):
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    opened(browser, html, tmp_path, 1400)
+    view = browser.find_element(By.ID, "view")
+    cameras = [view.get_attribute("data-camera")]
+    for key in (Keys.ARROW_LEFT, Keys.ARROW_UP, "+"):
+        view.send_keys(key)
+        cameras.append(view.get_attribute("data-camera"))
+    view.send_keys(Keys.PAGE_DOWN)
+
+    distance = [np.linalg.norm(np.array(camera.split(","), dtype=float)) for camera in cameras]
+    assert len(set(cameras)) == 4
+    assert distance[3] < distance[2]
+    assert view.get_attribute("data-step") == "1"
+    assert "(2 of 80)" in browser.find_element(By.CSS_SELECTOR, "#view canvas").get_attribute("aria-label")
 
 
 def test_a_hostile_cell_is_harmless_in_the_browser(browser, calibration, measured, arc_welder, tmp_path):
@@ -263,11 +333,11 @@ def test_the_page_of_a_plan_steps_through_its_touches_and_a_hostile_name_is_harm
     from selenium.webdriver.common.by import By
 
     errors = opened(browser, plan_html, tmp_path, 1400)
-    first = browser.find_element(By.ID, "said").text
+    first = browser.find_element(By.ID, "caption").text
     browser.find_element(By.ID, "next").click()
 
     assert [e for e in errors if "WebGL" not in e["message"] and "GPU" not in e["message"]] == []
-    assert browser.find_element(By.ID, "said").text != first
+    assert browser.find_element(By.ID, "caption").text != first
     assert canvas_colours(browser) > 20
     assert browser.title != "owned"
     assert HOSTILE in browser.execute_script("return document.body.innerText")
