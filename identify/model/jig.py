@@ -16,6 +16,7 @@ class Face:
     u: Float[np.ndarray, " 3"]  # [mm]
     v: Float[np.ndarray, " 3"]  # [mm]
     tolerance: float = 0.0  # [mm], 1 sigma of the machining
+    tilt: float = 0.0  # [rad], 1 sigma of the angle by which it leans, along u and along v
 
     @cached_property
     def normal(self) -> Float[np.ndarray, " 3"]:

@@ -30,15 +30,27 @@ class Rows:
     ids: tuple[str, ...]  # of the touches and positions
     owner: Int[np.ndarray, " rows"]  # index into `ids`
     conditions: Float[np.ndarray, "rows conditions"] | None = None  # for error models; None: nothing was recorded
+    face: tuple[str, ...] = ()  # name of the face of each row, empty if it has none; (): no row has one
+    block: Int[np.ndarray, " rows"] | int = 0  # number of the table that a row comes from
 
     def __len__(self) -> int:
         return len(self.offset)
+
+    def on(self, name: str) -> Bool[np.ndarray, " rows"]:
+        """The rows of touches on a face."""
+        return self._faces == name if self.face else np.zeros(len(self), dtype=bool)
+
+    @cached_property
+    def _faces(self) -> np.ndarray:
+        return np.array(self.face, dtype=np.str_)
 
     def take(self, index: Int[np.ndarray, " some"] | Bool[np.ndarray, " rows"]) -> "Rows":
         """Some of the rows; ids and owners keep their meaning."""
         return Rows(
             self.q[index], self.normal[index], self.offset[index], self.radius[index], self.sigma[index],
             self.ids, self.owner[index], None if self.conditions is None else self.conditions[index],
+            tuple(self._faces[index].tolist()) if self.face else (),
+            self.block if isinstance(self.block, int) else self.block[index],
         )  # fmt: skip
 
     def distances(self, residual: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " measured"]:
@@ -60,7 +72,14 @@ def rows(wire: Wire, measured: Sequence[Touches | Positions], reference: float =
         ids=tuple(name for table in measured for name in table.ids),
         owner=np.concatenate([part.owner + start for part, start in zip(parts, first[:-1], strict=True)]),
         conditions=np.concatenate([_conditions(table, reference) for table in measured]),
+        face=tuple(name for table in measured for name in _faces(table)),
+        block=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
     )
+
+
+def _faces(measured: Touches | Positions) -> tuple[str, ...]:
+    """The name of the face of every row; empty for positions."""
+    return measured.face if isinstance(measured, Touches) else ("",) * (3 * len(measured))
 
 
 def _conditions(measured: Touches | Positions, reference: float) -> Float[np.ndarray, "rows conditions"]:

@@ -10,7 +10,14 @@ from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
-from identify.uncertainty.information import Knowledge, built_knowledge, knowledge_after, nominal_knowledge, touch_sigma
+from identify.uncertainty.knowledge import (
+    Knowledge,
+    built_knowledge,
+    knowledge_after,
+    nominal_knowledge,
+    tip_errors,
+    touch_sigma,
+)
 from identify.uncertainty.promise import Promise, promise
 from oed.candidates.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.candidates.edge_margins import SIGMAS
@@ -115,7 +122,7 @@ class Offer:
         """The tip error to expect in the zone after some touches, each made so many `times`."""
         told, names = self.told or self.known, touches.names()
         rows = told.rows(touches.q, touches.normal, touch_sigma(told.cell, names), approach=touches.approach)
-        return promise(self._told_tip, told.error(rows, names, times))
+        return promise(tip_errors(self._told_tip, told.error(rows, names, times)))
 
     def off(self, touches: Candidates) -> Float[np.ndarray, " touches"]:
         """How far each contact may be from where the touches before it predict it [mm, 1 sigma]."""

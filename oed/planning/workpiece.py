@@ -12,7 +12,7 @@ from identify.model.frames import inverse, pose, transform
 from identify.model.io.calibration_file import Calibration
 from identify.model.jig import Jig
 from identify.model.touch import Plan
-from identify.uncertainty.information import touch_sigma
+from identify.uncertainty.knowledge import tip_errors, touch_sigma
 from identify.uncertainty.promise import Promise, promise
 from oed.candidates.candidates import Candidates
 from oed.planning.candidate_set import Offer, offer, plan_of
@@ -142,7 +142,7 @@ def _promise(offered: Offer, G: Float[np.ndarray, "corners 3 kept"], touches: Ca
     rows = offered.known.rows(
         touches.q, touches.normal, touch_sigma(offered.known.cell, names), approach=touches.approach
     )
-    return promise(G, offered.known.error(rows, names))
+    return promise(tip_errors(G, offered.known.error(rows, names)))
 
 
 def _curve(offered: Offer, G: Float[np.ndarray, "corners 3 kept"]) -> tuple[tuple[int, dict[str, int], float], ...]:

@@ -58,3 +58,16 @@ def positions_at(
     """Measured positions of the true tip."""
     point = cell.kinematics.tip(q, theta)[0] + sigma * rng.standard_normal((len(q), 3))
     return Positions(tuple(f"p{i + 1}" for i in range(len(q))), q, point, np.full(len(q), sigma))
+
+
+def touches_anywhere(cell, count=30, seed=4):
+    """Postures all over the joint range, each called a touch of some face: rows are linear in what matters here."""
+    rng, robot = np.random.default_rng(seed), cell.robot
+    faces = rng.choice(list(cell.jig.by_name), count)
+    chosen = [cell.jig.by_name[name] for name in faces]
+    blank = ("",) * count
+    return Touches(
+        tuple(map(str, range(count))), tuple(faces.tolist()), rng.uniform(robot.lower, robot.upper, (count, 6)),
+        np.stack([f.normal for f in chosen]), np.array([f.offset for f in chosen]), np.full(count, 0.05),
+        ("hit",) * count, np.zeros(count), blank, blank,
+    )  # fmt: skip

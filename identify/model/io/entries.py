@@ -113,7 +113,8 @@ def _joint_entry(joint: Joint) -> dict[str, Any]:
 def jig_of(file: schema.JigFile) -> Jig:
     """A jig from its file."""
     faces = (
-        Face(f.name, np.array(f.origin_mm), np.array(f.u_mm), np.array(f.v_mm), f.tolerance_mm) for f in file.faces
+        Face(f.name, np.array(f.origin_mm), np.array(f.u_mm), np.array(f.v_mm), f.tolerance_mm, f.tolerance_deg * DEG)
+        for f in file.faces
     )
     return Jig(file.name, tuple(faces), tuple(Box(b.lower_mm, b.upper_mm) for b in file.boxes))
 
@@ -125,7 +126,7 @@ def jig_entry(jig: Jig) -> dict[str, Any]:
         "faces": [
             {
                 "name": f.name, "origin_mm": f.origin.tolist(), "u_mm": f.u.tolist(), "v_mm": f.v.tolist(),
-                "tolerance_mm": f.tolerance,
+                "tolerance_mm": f.tolerance, "tolerance_deg": f.tilt / DEG,
             }
             for f in jig.faces
         ],

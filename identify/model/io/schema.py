@@ -85,6 +85,7 @@ class FaceEntry(Strict):
     u_mm: Vector
     v_mm: Vector
     tolerance_mm: Annotated[Number, Field(ge=0)] = 0.0
+    tolerance_deg: Annotated[Number, Field(ge=0)] = 0.0
 
 
 class BoxEntry(Strict):

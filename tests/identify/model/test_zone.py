@@ -1,16 +1,14 @@
-"""The weld zone: its poses, and the error that is promised there."""
+"""The weld zone: its poses."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from cells import cell_of
-from scipy.stats import chi
 
 from identify.model.cell import Zone
 from identify.model.files import InputError
 from identify.model.zone import cone, in_zone, zone_of, zone_poses
-from identify.uncertainty.promise import promise
 
 
 @pytest.fixture(scope="module")
@@ -64,21 +62,6 @@ def test_the_cone_is_filled_evenly_by_area(rng):
     assert np.linalg.norm(directions, axis=1) == pytest.approx(1)
     assert cosine.min() >= np.cos(0.7) - 1e-12
     assert cosine.mean() == pytest.approx((1 + np.cos(0.7)) / 2, abs=2e-3)  # Archimedes: uniform in height
-
-
-def test_the_95_percent_error_of_one_round_cloud_is_that_of_the_chi_distribution():
-    tip = np.eye(3)[None]
-
-    found = promise(tip, 0.04 * np.eye(3))
-
-    assert found.rms_mm == pytest.approx(0.2 * np.sqrt(3))
-    assert found.p95_mm == pytest.approx(0.2 * chi(3).ppf(0.95), rel=0.05)  # 400 draws stand for the integral
-
-
-def test_a_direction_that_is_known_exactly_adds_no_error():
-    found = promise(np.eye(3)[None], np.diag([0.01, 0.0, 0.0]))
-
-    assert found.rms_mm == pytest.approx(0.1)
 
 
 def test_a_robot_of_four_joints_has_its_zone_too():

@@ -1,151 +1,132 @@
-"""What is known before and after touches, held against simulated estimates."""
+"""Information as a square root, held against closed forms and simulated estimates."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import touches_anywhere
+from scipy.linalg import inv
 
-from identify.model.cell import Priors, Wire
 from identify.model.files import InputError
-from identify.model.measurement import measurement_model
 from identify.model.measurement import rows as measured_rows
-from identify.model.touch import Touches
-from identify.uncertainty.information import (
-    built_knowledge,
-    drawn,
-    face_tolerance,
-    knowledge_after,
-    nominal_knowledge,
-    touch_sigma,
-)
-from oed.design.relaxation import approximate_design
+from identify.uncertainty.compression import compression
+from identify.uncertainty.information import Information, prior_information
+from identify.uncertainty.unknowns import Unknowns
 
 ROBOTS = 4000
 
 
 @pytest.fixture(scope="module")
-def known(arc_welder):
-    return nominal_knowledge(arc_welder)
+def prior(arc_welder):
+    return prior_information(arc_welder)
 
 
 @pytest.fixture(scope="module")
-def touches(arc_welder):
-    """Forty postures all over the joint range, each called a touch of some face: what matters here is linear."""
-    rng, robot = np.random.default_rng(4), arc_welder.robot
-    faces = rng.choice(list(arc_welder.jig.by_name), 40)
-    q = rng.uniform(robot.lower, robot.upper, (40, len(robot.joints)))
-    normal = np.stack([arc_welder.jig.by_name[name].normal for name in faces])
-    return q, normal, tuple(faces.tolist())
+def F(arc_welder, prior):
+    return prior.unknowns.rows(measured_rows(arc_welder.wire, [touches_anywhere(arc_welder, 40)]))
 
 
-def test_rows_are_those_of_the_estimator_scaled_by_priors_and_scatter(arc_welder, known, touches):
-    q, normal, faces = touches
-    sigma, m = touch_sigma(arc_welder, faces), len(q)
-    made = Touches(("",) * m, faces, q, normal, np.zeros(m), sigma, ("hit",) * m, np.zeros(m), ("",) * m, ("",) * m)
+def test_variances_are_those_of_the_normal_equations(prior, F, rng):
+    A = rng.standard_normal((5, 2, len(prior.R)))
 
-    rows = known.rows(q, normal, sigma)
+    after = prior.updated(F)
 
-    J = measurement_model(arc_welder.robot).linearize(arc_welder.theta, measured_rows(arc_welder.wire, [made]))[1]
-    assert rows == pytest.approx(J[:, known.kept] / sigma[:, None] * arc_welder.scale[known.kept])
-
-
-def test_the_predicted_error_is_that_of_simulated_estimates(arc_welder, touches, rng):
-    """Robots from the priors, faces off together, touches scattered, all linear: the tip error after the estimate.
-
-    Of a pointed wire: the end of a flat one shows a little of parameters that are eliminated, as scatter.
-    """
-    q, normal, faces = touches
-    cell = replace(arc_welder, wire=Wire(0.0, "point"))
-    known, sigma = nominal_knowledge(cell), touch_sigma(cell, faces)
-    F = known.rows(q, normal, sigma)
-    J = np.stack([known.cell.kinematics.tip_jacobian(q, cell.theta)[1][:, k] for k in range(3)], axis=1)
-    all_rows = np.einsum("mk,mkp->mp", normal, J)  # of all parameters, per touch [mm]
-    zone = known.cell.kinematics.tip_jacobian(q[:10], cell.theta)[1].reshape(30, -1)
-    off = cell.prior * rng.standard_normal((ROBOTS, len(cell.theta)))
-    names, where = np.unique(faces, return_inverse=True)
-    shift = (face_tolerance(cell, tuple(names.tolist())) * rng.standard_normal((ROBOTS, len(names))))[:, where]
-    y = (off @ all_rows.T + shift + cell.touch.sigma * rng.standard_normal((ROBOTS, len(q)))) / sigma
-    x = y @ F @ known.covariance(F)
-    error = off @ zone.T - x @ known.tip_rows(q[:10]).reshape(30, -1).T
-
-    predicted = (
-        known.tip_rows(q[:10]).reshape(30, -1) @ known.error(F, faces) @ known.tip_rows(q[:10]).reshape(30, -1).T
-    )
-
-    assert np.sqrt((error**2).mean()) == pytest.approx(np.sqrt(np.trace(predicted) / 30), rel=0.03)  # 4000 robots
+    C = inv(np.eye(len(prior.R)) + F.T @ F)
+    assert after.variance(A) == pytest.approx(np.einsum("abi,ij,abj->ab", A, C, A), rel=1e-6)
+    scale = prior.unknowns.scale[:2]
+    assert after.covariance(prior.unknowns.names[:2]) == pytest.approx(C[:2, :2] * np.outer(scale, scale), rel=1e-6)
 
 
-def test_touches_made_again_and_again_leave_only_what_the_faces_are_off_by(arc_welder, known, touches):
-    q, normal, faces = touches
-    exact = replace(
-        arc_welder, jig=replace(arc_welder.jig, faces=tuple(replace(f, tolerance=0.0) for f in arc_welder.jig.faces))
-    )
-    F = known.rows(q, normal, touch_sigma(arc_welder, faces))
+def test_touches_made_at_once_or_one_after_the_other_are_the_same(prior, F):
+    whole, parts = prior.updated(F), prior.updated(F[:7]).updated(F[7:])
 
-    left = known.error(F, faces, np.inf)
-
-    assert np.trace(left) > 0
-    assert np.trace(nominal_knowledge(exact).error(F, faces, np.inf)) == pytest.approx(0.0, abs=1e-6 * np.trace(left))
+    assert pytest.approx(whole.R, abs=1e-9 * np.abs(whole.R).max()) == parts.R
+    assert pytest.approx(np.triu(whole.R)) == whole.R
 
 
-def test_robots_are_drawn_with_the_spread_of_the_priors(known, arc_welder, rng):
-    robots = drawn(known, ROBOTS, rng)
+def test_digits_survive_where_normal_equations_lose_them(prior):
+    """A difference of two parameters known a million times better than their sum: its variance keeps six digits."""
+    k = len(prior.R)
+    row = np.zeros((1, k))
+    row[0, :2] = 1e9, -1e9
+    difference = np.zeros((1, k))
+    difference[0, :2] = 1.0, -1.0
 
-    assert robots.std(axis=0) == pytest.approx(arc_welder.prior, rel=0.1)
+    after = prior.updated(row)
+
+    assert after.variance(difference) == pytest.approx([1 / (1e18 + 0.5)], rel=1e-6)
+
+
+def test_the_predicted_error_is_that_of_simulated_estimates(prior, F, rng):
+    """Robots and faces from their priors, touches scattered, all linear: the error of the most probable estimate."""
+    k = len(prior.R)
+    x = rng.standard_normal((ROBOTS, k))
+    y = x @ F.T + rng.standard_normal((ROBOTS, len(F)))
+    estimate = np.linalg.lstsq(np.vstack([F, np.eye(k)]), np.vstack([y.T, np.zeros((k, ROBOTS))]), rcond=None)[0].T
+
+    deviation = np.sqrt(prior.updated(F).variance(np.eye(k)))
+
+    assert np.sqrt(((estimate - x) ** 2).mean(axis=0)) == pytest.approx(deviation, rel=0.05)  # 4.5 standard errors
+
+
+def test_draws_scatter_as_the_covariance_says(prior, F, rng):
+    after = prior.updated(F)
+
+    robots = after.robots(ROBOTS, rng)
+
+    expected = np.linalg.norm(after.parameter_root(), axis=1)
+    assert robots.std(axis=0) == pytest.approx(expected, rel=0.06)
+    assert robots.mean(axis=0) == pytest.approx(after.theta, abs=5 * expected.max() / np.sqrt(ROBOTS))
 
 
 def test_fixed_parameters_are_not_drawn(arc_welder, rng):
-    known = nominal_knowledge(replace(arc_welder, fixed=frozenset({"j2.a"})))
-
-    robots = drawn(known, 5, rng)
+    robots = prior_information(replace(arc_welder, fixed=frozenset({"j2.a"}))).robots(5, rng)
 
     place = arc_welder.robot.parameters.index("j2.a")
     assert (robots[:, place] == arc_welder.theta[place]).all()
 
 
+def test_a_covariance_and_the_information_that_it_came_from_say_the_same(arc_welder, prior, F):
+    after = prior.updated(F)
+    names = prior.unknowns.names[::-1]
+
+    again = Information.of_covariance(prior.unknowns, arc_welder.theta, names, after.covariance(names))
+
+    assert again.covariance() == pytest.approx(after.covariance(), rel=1e-5, abs=1e-12)
+
+
+def test_of_what_a_covariance_does_not_name_the_prior_holds(prior):
+    half = Information.of_covariance(prior.unknowns, prior.theta, ("base.x",), np.array([[0.04]]))
+
+    assert half.covariance(["base.x", "base.y"]) == pytest.approx(np.diag([0.04, 100.0]))
+
+
+def test_a_base_that_is_to_be_fitted_is_not_determined_until_touches_do(arc_welder, F, rng):
+    fit = Information.prior(Unknowns.of(replace(arc_welder, base=None)))
+    some = fit.updated(F[:3])
+
+    assert np.isinf(some.variance(np.eye(len(fit.R))[:6])).sum() == 3  # three touches, six freedoms
+    assert np.isfinite(some.variance(F[:3])).all()  # what these touches show
+    assert "base.y" in some.undetermined()
+    with pytest.raises(InputError, match=r"base.y.*do not determine it"):
+        some.draws(2, rng)
+    assert np.isfinite(fit.updated(F).variance(np.eye(len(fit.R)))).all()
+
+
 def test_a_base_that_is_to_be_fitted_cannot_be_planned_for(arc_welder):
-    with pytest.raises(InputError, match="base: fit leaves open where the base stands"):
-        nominal_knowledge(replace(arc_welder, base=None))
+    with pytest.raises(InputError, match="base: fit says nothing about the place of the base"):
+        prior_information(replace(arc_welder, base=None))
 
 
-def test_a_calibration_counts_as_information(arc_welder, known, touches):
-    """After touches, what is known is what was known before and what they tell."""
-    from types import SimpleNamespace
+@pytest.mark.parametrize("after", [0, 20])
+def test_rows_in_fewer_coordinates_promise_the_same(arc_welder, prior, F, after, rng):
+    prior = prior.updated(F[:after])
+    pool = prior.unknowns.rows(measured_rows(arc_welder.wire, [touches_anywhere(arc_welder, 500, 8)]))
+    zone = prior.unknowns.tip_rows(rng.uniform(-1, 1, (20, 6)))
+    fewer = compression(prior, pool)
+    f, g = fewer.rows(pool[:50]), fewer.tip_rows(zone)
 
-    q, normal, faces = touches
-    F = known.rows(q, normal, touch_sigma(arc_welder, faces))
-    scale = np.outer(known.scale, known.scale)
-    calibration = SimpleNamespace(
-        cell=arc_welder, theta=arc_welder.theta, estimated=known.names, index=known.kept,
-        covariance=known.covariance(F) * scale,
-    )  # fmt: skip
+    variance = np.einsum("pik,kl,pil->p", g, inv(np.eye(f.shape[1]) + f.T @ f), g)
 
-    after = knowledge_after(arc_welder, calibration)
-
-    expected = known.precision + F.T @ F
-    assert after.precision == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
-
-
-def test_tips_move_with_whitened_parameters_as_finite_differences_say(arc_welder, known, touches):
-    q = touches[0][:5]
-    moved = arc_welder.theta.copy()
-    k, step = 3, 1e-5
-    moved[known.kept[k]] += step * known.scale[k]
-
-    tip = known.tip_rows(q)[:, :, k]
-
-    before, after = (arc_welder.kinematics.tip(q, theta)[0] for theta in (arc_welder.theta, moved))
-    assert tip == pytest.approx((after - before) / step, abs=1e-3)
-
-
-@pytest.mark.parametrize("off", [1.0, 0.2, 0.02])
-def test_what_is_known_of_a_robot_as_built_is_symmetric_however_nearly_parallel_its_axes_are(arc_welder, off):
-    cell = replace(arc_welder, priors=Priors((10 * off, 0.035 * off), (10 * off, 0.035 * off), (3 * off, 0.017 * off)))
-
-    known = built_knowledge(cell)
-
-    np.testing.assert_allclose(known.precision, known.precision.T, atol=1e-15)
-    np.testing.assert_allclose(
-        known.precision @ known.spread, np.eye(len(known.names)), atol=1e-15 * known.spread.max()
-    )
-    approximate_design(np.random.default_rng(0).standard_normal((300, len(known.names))), prior=known.precision)
+    assert f.shape[1] < len(prior.R)
+    assert variance == pytest.approx(prior.updated(pool[:50]).variance(zone).sum(axis=1), rel=2e-3)

@@ -1,0 +1,168 @@
+"""Everything that may differ from the drawing and the files: one vector x in units of prior standard deviations."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identify.model.cell import Cell
+from identify.model.jig import Face
+from identify.model.measurement import Rows, measurement_model
+
+STICKOUT = 2.0  # [mm], 1 sigma by which a wire that was cut sticks out more or less than before
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """The rows of measurements, and where the tip was by some parameters."""
+
+    rows: Rows
+    cell: Cell
+    theta: Float[np.ndarray, " parameters"]  # [mm, rad]
+
+    @cached_property
+    def tip(self) -> tuple[Float[np.ndarray, "rows 3"], Float[np.ndarray, "rows 3 3"]]:
+        """Positions [mm] and rotations of the tip in the jig frame."""
+        position, rotation = self.cell.kinematics.tip(self.rows.q, self.theta)
+        return position, rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """An unknown beside the robot's parameters that several measurements share; residuals are linear in it."""
+
+    name: str
+    unit: Literal["mm", "deg"]
+    scale: float  # [mm] or [rad], 1 sigma of the prior, or the unit of an unknown without one
+    precision: float  # 1, or 0 if nothing is known before the measurements
+    slope: Callable[[Contacts], Float[np.ndarray, " rows"]]  # d residual / d unknown, [mm/mm] or [mm/rad]
+
+
+def face_offset(face: Face) -> Shared:
+    """The distance b by which a face stands outside of its place on the drawing: r = n . tip - c - b - h."""
+    return Shared(f"face.{face.name}", "mm", face.tolerance, 1.0, lambda at: -1.0 * at.rows.on(face.name))
+
+
+def face_tilts(face: Face) -> Iterator[Shared]:
+    """The angles by which a face leans outwards along u and along v, about its middle."""
+    for axis, side, length in zip("uv", (face.u, face.v), face.size, strict=True):
+        unit = side / length
+
+        def slope(at: Contacts, unit: np.ndarray = unit) -> Float[np.ndarray, " rows"]:
+            middle = face.origin + (face.u + face.v) / 2
+            return -((at.tip[0] - middle) @ unit) * at.rows.on(face.name)
+
+        yield Shared(f"face.{face.name}.tilt_{axis}", "deg", face.tilt, 1.0, slope)
+
+
+def stickout(block: int) -> Shared:
+    """The length by which the wire sticks out more in a block of measurements than in the first block."""
+
+    def slope(at: Contacts) -> Float[np.ndarray, " rows"]:
+        along = np.einsum("ij,ij->i", at.rows.normal, at.tip[1][:, :, 2])
+        return along * (at.rows.block == block)
+
+    return Shared(f"stickout.{block + 1}", "mm", STICKOUT, 1.0, slope)
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Names and scales of all unknowns: parameters of the robot in their order, then what measurements share.
+
+    x = 0 is the drawing. A prior of an unknown is the standard normal distribution, or none (precision 0).
+    """
+
+    cell: Cell
+    parameters: Int[np.ndarray, " some"]  # places of the first unknowns among the parameters of the robot
+    shared: tuple[Shared, ...] = ()
+
+    @classmethod
+    def of(cls, cell: Cell, *, blocks: int = 1, further: Sequence[Shared] = ()) -> "Unknowns":
+        """The unknowns of a cell: each parameter and face that has a tolerance or is to be fitted.
+
+        `blocks` is the number of blocks of measurements between which the wire may have been cut; `further` is
+        whatever else measurements share.
+        """
+        fixed = np.array([name in cell.fixed for name in cell.robot.parameters])
+        faces = () if cell.jig is None else cell.jig.faces
+        offsets = (face_offset(face) for face in faces if face.tolerance > 0)
+        tilts = (tilt for face in faces if face.tilt > 0 for tilt in face_tilts(face))
+        lengths = (stickout(block) for block in range(1, blocks))
+        return cls(cell, np.flatnonzero(~fixed & (cell.prior > 0)), (*offsets, *tilts, *lengths, *further))
+
+    def __len__(self) -> int:
+        return len(self.parameters) + len(self.shared)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all unknowns."""
+        parameters = (self.cell.robot.parameters[i] for i in self.parameters)
+        return (*parameters, *(shared.name for shared in self.shared))
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """The unit of each unknown in files and on screens."""
+        return (*(self.cell.robot.units[i] for i in self.parameters), *(shared.unit for shared in self.shared))
+
+    @cached_property
+    def scale(self) -> Float[np.ndarray, " unknowns"]:
+        """One unit of each coordinate of x [mm], [rad] or the inside unit of a joint error."""
+        return np.concatenate([self.cell.scale[self.parameters], [shared.scale for shared in self.shared]])
+
+    @cached_property
+    def precision(self) -> Float[np.ndarray, " unknowns"]:
+        """Of the prior: 1, or 0 for what is to be fitted."""
+        fitted = np.isinf(self.cell.prior[self.parameters])
+        return np.concatenate([np.where(fitted, 0.0, 1.0), [shared.precision for shared in self.shared]])
+
+    def index(self, names: Sequence[str]) -> list[int]:
+        """Places of some unknowns; raises KeyError if one is not among them."""
+        place = {name: i for i, name in enumerate(self.names)}
+        return [place[name] for name in names]
+
+    def theta(self, x: Float[np.ndarray, "*robots unknowns"]) -> Float[np.ndarray, "*robots parameters"]:
+        """Parameters of the robot [mm, rad] at x."""
+        theta = np.tile(self.cell.theta, (*x.shape[:-1], 1))
+        theta[..., self.parameters] += (x * self.scale)[..., : len(self.parameters)]
+        return theta
+
+    def linearize(
+        self, x: Float[np.ndarray, " unknowns"], rows: Rows
+    ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]:
+        """Residuals [mm] at x, and their Jacobian by x [mm]."""
+        theta = self.theta(x)
+        r, J = measurement_model(self.cell.robot).linearize(theta, rows)
+        K = self._shared_slopes(rows, theta)
+        return r + K @ x[len(self.parameters) :], np.hstack([self._scaled(J), K])
+
+    def rows(
+        self, rows: Rows, theta: Float[np.ndarray, " parameters"] | None = None
+    ) -> Float[np.ndarray, "rows unknowns"]:
+        """Whitened rows: derivatives of residuals by x in units of the sensor's scatter, at a robot or the drawing.
+
+        Offsets of faces are columns of their own, so that all touches on a face share one.
+        """
+        theta = self.cell.theta if theta is None else theta
+        J = measurement_model(self.cell.robot).linearize(theta, rows)[1]
+        return np.hstack([self._scaled(J), self._shared_slopes(rows, theta)]) / rows.sigma[:, None]
+
+    def tip_rows(
+        self, q: Float[np.ndarray, "poses joints"], theta: Float[np.ndarray, " parameters"] | None = None
+    ) -> Float[np.ndarray, "poses 3 unknowns"]:
+        """Derivatives of the tip position by x [mm], at a robot or the drawing; 0 for what only measurements share."""
+        theta = self.cell.theta if theta is None else theta
+        J = self._scaled(self.cell.kinematics.tip_jacobian(q, theta)[1])
+        return np.concatenate([J, np.zeros((*J.shape[:2], len(self.shared)))], axis=2)
+
+    def _scaled(self, J: Float[np.ndarray, "*rows parameters"]) -> Float[np.ndarray, "*rows some"]:
+        return np.asarray(J[..., self.parameters] * self.cell.scale[self.parameters])
+
+    def _shared_slopes(self, rows: Rows, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "rows shared"]:
+        """Derivatives of residuals by what measurements share, in units of its priors [mm]."""
+        at, K = Contacts(rows, self.cell, theta), np.zeros((len(rows), len(self.shared)))
+        for k, shared in enumerate(self.shared):
+            K[:, k] = shared.scale * shared.slope(at)
+        return K
