@@ -1,4 +1,6 @@
-"""The one account of what is known, of all unknowns, in the order in which data walks through.
+"""What is known of all unknowns, and what that promises of the tip in the weld zone.
+
+In the order in which data walks through:
 
     unknowns         everything that may differ from drawing and files: one vector in units of prior deviations
     information      the square root of the information about it, grown by QR; variances and draws
