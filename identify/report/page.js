@@ -69,6 +69,14 @@
     return dot;
   });
 
+  // where the tip goes from touch to touch; the way to the present one stands out
+  const faint = material(THREE.LineBasicMaterial, "axis"), strong = material(THREE.LineBasicMaterial, "out");
+  const paths = (data.paths || []).map((points) => {
+    const path = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points.map(vector)), faint);
+    scene.add(path);
+    return path;
+  });
+
   // the arm by its meshes, where the robot has some; each link moves as a whole
   const skin = standard("after"), solids = (data.links || []).map((link) => {
     const geometry = new THREE.BufferGeometry();
@@ -114,7 +122,7 @@
   };
   Object.values(robots).forEach((group) => scene.add(group));
 
-  const slider = document.getElementById("step"), tick = { nominal: document.getElementById("nominal"), identified: document.getElementById("identified") };
+  const slider = document.getElementById("step"), tick = { nominal: document.getElementById("nominal"), identified: document.getElementById("identified"), paths: document.getElementById("paths") };
   let current = 0;
   const show = (index) => {
     if (!data.touches.length) return;
@@ -126,6 +134,7 @@
       if (on) draw(kind, touch);
     }
     dots.forEach((dot, i) => { dot.material = i === index ? marked : dot.userData.plain; dot.scale.setScalar(i === index ? 2.2 : 1); });
+    paths.forEach((path, i) => { path.visible = tick.paths.checked; path.material = i === index ? strong : faint; });
     const text = `touch ${touch.id} (${index + 1} of ${data.touches.length}) on ${touch.face || "a plane"}${touch.words ? ": " + touch.words : ""}`;
     caption.textContent = text;
     renderer.domElement.setAttribute("aria-label", `3-D view of robot, jig and zone; ${text}`);

@@ -32,6 +32,8 @@ def view(scene: dict[str, Any]) -> str:
     boxes = '<label><input type="checkbox" id="nominal" checked> nominal robot</label>'
     if both:
         boxes += ' <label><input type="checkbox" id="identified" checked> identified robot</label>'
+    if "paths" in scene:
+        boxes += ' <label><input type="checkbox" id="paths" checked> paths between touches</label>'
     left = f" (the first {count}; {scene['left']} more in the file)" if scene["left"] else ""
     return (
         f'{frame}<div class="controls">'

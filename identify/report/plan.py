@@ -2,17 +2,22 @@
 
 from collections.abc import Mapping
 from html import escape
+from itertools import pairwise
 from typing import Any
+
+import numpy as np
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from identify.report.page import page, table, view
 from identify.report.scene import scene
 
+SAMPLES = 9  # of a motion from posture to posture
+
 
 def plan_page(cell: Cell, plan: Plan, told: Mapping[str, Any]) -> str:
     """A self-contained HTML page of a plan; `told` is what `touchcal plan --json` says of it."""
-    shown = scene(cell, None, plan.ids, plan.face, plan.q, ("",) * len(plan))
+    shown = scene(cell, None, plan.ids, plan.face, plan.q, ("",) * len(plan)) | {"paths": _paths(cell, plan)}
     promise = told["promise"]
     words = (
         f"After these {len(plan)} touches the tip should be off by {promise['rms_mm']:.3f} mm (RMS) in the weld zone, "
@@ -31,6 +36,18 @@ def plan_page(cell: Cell, plan: Plan, told: Mapping[str, Any]) -> str:
         "</section></div>",
     ]  # fmt: skip
     return page(f"Touches for {cell.robot.name}", "\n".join(sections), shown)
+
+
+def _paths(cell: Cell, plan: Plan) -> list[list[list[float]]]:
+    """Where the tip goes from touch to touch [mm], a line each: straight in joint space from posture to posture."""
+    share = np.linspace(0.0, 1.0, SAMPLES)[:, None]
+    before, lines = plan.approach[:1], []
+    for i in range(len(plan)):
+        postures = np.vstack([before, plan.way(i)])
+        q = np.concatenate([a + share * (b - a) for a, b in pairwise(postures)])
+        lines.append(cell.kinematics.tip(q, cell.theta)[0].round(1).tolist())
+        before = plan.approach[i : i + 1]
+    return lines
 
 
 def _counted(plan: Plan) -> list[list[str]]:

@@ -1,6 +1,7 @@
 """`touchcal report`."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ from identify.model.files import digest, write_text
 from identify.model.io.calibration_file import Calibration, calibration_entry, read_calibration
 from identify.report.certificate import Issue
 from identify.report.report import report as make
-from oed.cli.options import ladder_lines, read_measured
+from oed.cli.options import CellFile, ladder_lines, load_cell, read_measured
 
 
 def report(
@@ -20,11 +21,13 @@ def report(
     unseen: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
     since: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
     operator: str = "",
+    cell: CellFile = Path("cell.yaml"),
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
 ) -> None:
     """Write one self-contained HTML page of a calibration, with a 3-D view, and its numbers as JSON beside it.
 
-    The touches are shown where the files that were identified from still lie beside the calibration, unchanged.
+    The touches are shown if the files that were identified from still lie beside the calibration, unchanged; the arm is
+    shown with its meshes if the cell file names a URDF that has some.
     Example:
 
         touchcal report calibration.json --unseen unseen.csv -o report.html
@@ -46,7 +49,7 @@ def report(
     from importlib.metadata import version
     from json import dumps
 
-    found = read_calibration(calibration)
+    found = _with_shapes(read_calibration(calibration), cell)
     measured, _ = read_measured(list(_inputs(found, calibration.parent)), found.cell, trust_units=True)
     verified = verify(found, *read_measured(unseen, found.cell, trust_units=False)[0]) if unseen else None
     issue = Issue(date.today().isoformat(), operator, version=version("touchcal"))
@@ -54,6 +57,16 @@ def report(
     write_text(output, make(found, measured, verified, issue=issue, earlier=earlier))
     write_text(output.with_suffix(".json"), dumps(calibration_entry(found), indent=1) + "\n")
     print("\n".join([*ladder_lines(found), f"wrote {output}; open it in a browser, it needs no network"]))
+
+
+def _with_shapes(found: Calibration, path: Path) -> Calibration:
+    """The calibration of a robot that looks as the cell file says, if that is there and of the same robot."""
+    if not path.is_file():
+        return found
+    robot = load_cell(path).robot
+    if (robot.name, len(robot.joints)) != (found.cell.robot.name, len(found.cell.robot.joints)):
+        return found
+    return replace(found, cell=replace(found.cell, robot=replace(found.cell.robot, shapes=robot.shapes)))
 
 
 def _inputs(found: Calibration, folder: Path) -> Iterable[Path]:

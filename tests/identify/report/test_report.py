@@ -329,6 +329,16 @@ def plan_html(arc_welder):
     return plan_page(cell, make_plan(cell, 12, seed=5), told)
 
 
+def test_the_paths_of_a_plan_lead_from_approach_to_approach(plan_html, arc_welder):
+    plan = make_plan(arc_welder, 12, seed=5)
+    data = json.loads(re.search(r'id="scene">(.*?)</script>', plan_html, flags=re.S).group(1))
+
+    tips = arc_welder.kinematics.tip(plan.approach, arc_welder.theta)[0]
+
+    np.testing.assert_allclose([path[-1] for path in data["paths"]], tips, atol=0.051)
+    np.testing.assert_allclose([path[0] for path in data["paths"][1:]], tips[:-1], atol=0.051)
+
+
 def test_the_page_of_a_plan_steps_through_its_touches_and_a_hostile_name_is_harmless(browser, plan_html, tmp_path):
     from selenium.webdriver.common.by import By
 
