@@ -1,7 +1,11 @@
-"""Does the model mean what the pendant shows? Poses read off it, and the usual reasons why they differ."""
+"""Does the model mean what the pendant shows? Poses read off it, and the usual reasons why they differ.
+
+Axis signs, a coupling of joint 3 to joint 2 and zeros that are a right angle off belong to how the controller counts:
+they are proposed as `joints:` of the cell.
+"""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -12,6 +16,7 @@ from identify.model.cell import DEG, Cell
 from identify.model.files import read_sheet
 from identify.model.frames import rotation, transform
 from identify.model.io.tables import POINT, joint_columns
+from identify.model.joint_counting import JointCounting
 
 EULER = ("w_deg", "p_deg", "r_deg")
 NEAR_MM, NEAR_RAD = 1.0, 0.2 * DEG  # a pendant shows nominal numbers, rounded: what is further off is another model
@@ -45,6 +50,7 @@ class Agreement:
     causes: tuple[Cause, ...]
     explained_mm: float  # largest, with the causes
     explained_deg: float
+    counting: JointCounting | None = None  # of the controller, by the causes; None: as the cell says
 
     @property
     def agrees(self) -> bool:
@@ -60,7 +66,7 @@ class Agreement:
 def read_pendant(path: Path, cell: Cell) -> Pendant:
     """Read pendant.csv: columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg; raises InputError."""
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot), *POINT, *EULER], [])
-    q = np.column_stack([sheet.numbers(name) for name in joint_columns(cell.robot)]) * cell.robot.joint_unit()
+    q = cell.robot.from_controller(np.column_stack([sheet.numbers(name) for name in joint_columns(cell.robot)]))
     point, angles = (np.column_stack([sheet.numbers(name) for name in names]) for names in (POINT, EULER))
     if len(sheet.lines) < FEWEST:
         sheet.at(0, f"{len(sheet.lines)} poses tell too little; read at least {FEWEST}, with every joint moved")
@@ -76,7 +82,7 @@ def compare(cell: Cell, pendant: Pendant) -> Agreement:
     if best.agrees:
         return best
     found = min(_explanations(cell, pendant), key=lambda a: (not a.explained, *_cost(a)))
-    return Agreement(position, angle / DEG, found.causes, found.explained_mm, found.explained_deg)
+    return replace(found, position_mm=position, angle_deg=angle / DEG)
 
 
 def _cost(a: Agreement) -> tuple[float, float]:
@@ -117,49 +123,54 @@ class _Reading:
 _READINGS = [_Reading(f, m, s, o) for o in ("zyx", "xyz", "zyz") for s, m, f in product((False, True), repeat=3)]
 
 
+@dataclass(frozen=True, eq=False)
+class _Convention:
+    """Another way to count the joints, and the causes that it stands for."""
+
+    causes: tuple[Cause, ...]
+    counting: JointCounting | None  # None: as the cell says
+    q: Float[np.ndarray, "poses joints"]  # [rad] or [mm]
+
+
 def _explanations(cell: Cell, pendant: Pendant) -> Iterator[Agreement]:
     """Every combination of joint conventions with every way to read a pose."""
     conventions = list(_conventions(cell, pendant.q))
-    q = np.stack([joints for _, joints in conventions])
+    q = np.stack([convention.q for convention in conventions])
+    size = np.array([len(convention.causes) for convention in conventions])
     for reading in _READINGS:
         position, angle, shift = _misfit(cell, pendant, q, reading)
-        size = np.array([len(causes) for causes, _ in conventions])
         good = (position < NEAR_MM) & (angle < NEAR_RAD)
         for i in {int(np.argmin(position + angle * 300)), int(np.argmin(np.where(good, size, 99)))}:
-            causes = (*conventions[i][0], *reading.causes(shift[i]))
-            yield Agreement(0.0, 0.0, causes, float(position[i]), float(angle[i]) / DEG)
+            causes = (*conventions[i].causes, *reading.causes(shift[i]))
+            apart = float(position[i]), float(angle[i]) / DEG
+            yield Agreement(0.0, 0.0, causes, *apart, conventions[i].counting)
 
 
-def _conventions(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Iterator[tuple[tuple[Cause, ...], np.ndarray]]:
+def _conventions(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Iterator[_Convention]:
     """Joint values under axis signs, a coupling of joint 3 to joint 2, and an offset of a right angle."""
-    n = q.shape[1]
-    names = [joint.name for joint in cell.robot.joints]
-    offsets = [None, *((i, turn) for i in range(n) if not cell.robot.prismatic[i] for turn in (90, -90, 180))]
+    robot, n = cell.robot, q.shape[1]
+    names = [joint.name for joint in robot.joints]
+    A, b = robot.counting.matrix(n)
+    offsets = [None, *((i, turn) for i in range(n) if not robot.prismatic[i] for turn in (90, -90, 180))]
     for signs, couple, offset in product(product((1, -1), repeat=n), (0, 1, -1) if n > 2 else (0,), offsets):
-        flipped = [names[i] for i in range(n) if signs[i] < 0]
-        causes = [
-            Cause(f"the axis of {name} points the other way", f"negate {name} in plans and touches") for name in flipped
-        ]
+        change, turned = np.diag(np.array(signs, dtype=float)), np.zeros(n)
+        cure = "joints: of cell.yaml says so"
+        causes = [Cause(f"the axis of {names[i]} points the other way", cure) for i in range(n) if signs[i] < 0]
         if couple:
+            change[2, 1] = couple
             sign = "+" if couple > 0 else "-"
             causes.append(
-                Cause(f"{names[2]} is coupled to {names[1]}: the model's is the pendant's {sign} {names[1]}",
-                      f"write {names[2]} {sign} {names[1]} in place of {names[2]}")
-            )  # fmt: skip
-        joints = q * np.array(signs)
-        if couple:
-            joints[:, 2] += couple * q[:, 1]
-        if offset is not None:
-            i, turn = offset
-            joints[:, i] += turn * DEG
-            causes.append(
-                Cause(
-                    f"the zero of {names[i]} is {turn:+d} degrees off",
-                    f"add {turn} to theta_deg of {names[i]} in robot.yaml",
-                )
+                Cause(f"{names[2]} is coupled to {names[1]}: the model's is the pendant's {sign} {names[1]}", cure)
             )
-        if len(causes) <= 3:
-            yield tuple(causes), joints
+        if offset is not None:
+            turned[offset[0]] = offset[1]
+            causes.append(Cause(f"the zero of {names[offset[0]]} is {offset[1]:+d} degrees off", cure))
+        if len(causes) > 3:
+            continue
+        counting = JointCounting.of_matrix(change @ A, change @ b + turned) if causes else None
+        if counting is not None or not causes:
+            counting = counting and replace(counting, pulses=robot.counting.pulses)
+            yield _Convention(tuple(causes), counting, q @ change.T + turned * robot.joint_unit())
 
 
 def _misfit(

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.joint import LINK_NAMES, Capsule, Joint
+from identify.model.joint_counting import AS_MODEL, JointCounting
 from identify.model.shape import Shape
 
 POSE_NAMES = ("x", "y", "z", "rz", "ry", "rx")
@@ -31,6 +32,7 @@ class Robot:
     payload: tuple[float, tuple[float, float, float]] | None = None  # [kg] and its centre [mm] in the flange frame
     temperature: float = 20.0  # [degC] for which the dimensions are
     shapes: tuple[Shape, ...] = ()  # of a URDF, for clearance
+    counting: JointCounting = AS_MODEL  # how its controller counts the joints
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:
@@ -143,6 +145,23 @@ class Robot:
     def joint_unit(self) -> Float[np.ndarray, " joints"]:
         """Factors from file units (deg or mm) to the inside (rad or mm), one a joint."""
         return np.where(self.prismatic, 1.0, np.pi / 180)
+
+    def from_controller(self, counts: Float[np.ndarray, "*rows joints"]) -> Float[np.ndarray, "*rows joints"]:
+        """Joints of the model [rad] or [mm] from the numbers that the controller shows [deg] or [mm]."""
+        return (self.counting.from_controller(counts) if self.counting.differs else counts) * self.joint_unit()
+
+    def to_controller(self, q: Float[np.ndarray, "*rows joints"]) -> Float[np.ndarray, "*rows joints"]:
+        """The numbers that the controller shows [deg] or [mm] for joints of the model [rad] or [mm]."""
+        joints = q / self.joint_unit()
+        return self.counting.to_controller(joints) if self.counting.differs else joints
+
+    def from_pulses(self, pulses: Float[np.ndarray, "*rows joints"]) -> Float[np.ndarray, "*rows joints"]:
+        """Joints of the model [rad] or [mm] from the controller's pulses; raises InputError if those are not known."""
+        return self.from_controller(pulses / self.counting.per_degree)
+
+    def to_pulses(self, q: Float[np.ndarray, "*rows joints"]) -> Float[np.ndarray, "*rows joints"]:
+        """The controller's pulses, unrounded, for joints of the model; raises InputError if those are not known."""
+        return self.to_controller(q) * self.counting.per_degree
 
     def parameter_unit(self) -> Float[np.ndarray, " parameters"]:
         """Factors from file units (deg, mm, ...) to the inside (rad, mm, ...), one a parameter."""

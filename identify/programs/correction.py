@@ -1,7 +1,7 @@
 """From positions of a program to positions that bring the identified robot there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ from identify.programs.orientation import euler_near, from_euler, from_quaternio
 from identify.programs.places import Place, places
 from identify.programs.posture import Choice, Chooser, Fits
 from identify.programs.records import Maker, Postures, Record
-from identify.programs.setup import Setup, joint_map
+from identify.programs.setup import Setup, counting
 
 AMBIGUOUS = 0.01  # [mm], by which the corrections of postures may differ before it matters which is meant
 
@@ -55,9 +55,9 @@ class _Work:
 
     def __init__(self, calibration: Calibration, maker: Maker, setup: Setup) -> None:
         self.calibration, self.maker, self.setup = calibration, maker, setup
-        self.theta, self.robot = believed(calibration), calibration.cell.robot
-        self.map = joint_map(self.robot, setup, maker.coupled)
-        self.chooser = Chooser(calibration.cell.kinematics, self.theta, self.map)
+        robot = calibration.cell.robot
+        self.theta, self.robot = believed(calibration), replace(robot, counting=counting(robot, setup, maker.coupled))
+        self.chooser = Chooser(calibration.cell.kinematics, self.theta, self.robot)
 
     def poses(self, records: Sequence[Record]) -> list[Corrected]:
         """Positions in space."""
@@ -120,10 +120,10 @@ class _Work:
         if not usable:
             return [Corrected(record, why=why) for record, why in zip(records, left, strict=True)]
         scale = np.array([np.ones(count) if records[i].per_degree is None else records[i].per_degree for i in usable])
-        q = self.map.model(np.array([records[i].values for i in usable]) / scale)
+        q = self.robot.from_controller(np.array([records[i].values for i in usable]) / scale)
         T = inverse(transform(self.theta[:6])) @ tip_transform(self.calibration, q, self.theta)
         result = self._compensate(T, q)
-        values, inside = self.map.maker(result.q) * scale, within(self.robot, q)
+        values, inside = self.robot.to_controller(result.q) * scale, within(self.robot, q)
         shift = np.linalg.norm(result.command[:, :3] - T[:, :3, 3], axis=1)
         done = dict[int, Corrected]()
         for k, i in enumerate(usable):

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import unified_diff
 from functools import cached_property
 
@@ -53,6 +53,9 @@ def fix(calibration: Calibration, programs: Mapping[str, bytes], setup: Setup | 
     is read again: the same positions must stand there, and nothing but their numbers may have changed.
     """
     setup = Setup() if setup is None else setup
+    setup = replace(
+        setup, joints=replace(setup.joints, pulses=setup.joints.pulses or calibration.cell.robot.counting.pulses)
+    )
     sources = {name: source_of(name, content) for name, content in programs.items()}
     found = _find(sources, setup)
     done = {name: correct(calibration, found[name].records, maker_of(name), setup) for name in sources}

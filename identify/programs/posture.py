@@ -13,7 +13,6 @@ from identify.model.ik import reach, within
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot
 from identify.programs.records import Postures
-from identify.programs.setup import JointMap
 
 DRAWS = 24  # starts drawn for a position none of whose solutions fits its flags
 SAME = 1e-4  # [rad] or [mm]
@@ -35,9 +34,8 @@ class Choice:
 class Chooser:
     """Finds postures of a nominal robot for poses of its tip in the jig frame."""
 
-    def __init__(self, kinematics: Kinematics, theta: Float[np.ndarray, " parameters"], joints: JointMap) -> None:
-        self.kinematics, self.theta, self.joints = kinematics, theta, joints
-        robot = kinematics.robot
+    def __init__(self, kinematics: Kinematics, theta: Float[np.ndarray, " parameters"], robot: Robot) -> None:
+        self.kinematics, self.theta, self.robot = kinematics, theta, robot  # the robot counts as the maker does
         self.middle = (robot.lower + robot.upper) / 2
         self.elbow = elbow(kinematics, theta)
 
@@ -71,7 +69,7 @@ class Chooser:
     def postures(self, q: Float[np.ndarray, "solutions joints"]) -> Postures:
         """Joint values as the maker describes them."""
         front, above = (None, None) if self.elbow is None else self._sides(q)
-        return Postures(self.joints.maker(q), front, above)
+        return Postures(self.robot.to_controller(q), front, above)
 
     def _more(self, pool: list[list[np.ndarray]], T: np.ndarray, which: np.ndarray, start: np.ndarray) -> None:
         """Add what is found from other starts."""
@@ -111,7 +109,7 @@ class Chooser:
         frames = [base_T_jig[:3] @ _square(T) for T in self.kinematics.links(q, self.theta)]
         up, x = frames[0][:, :3, 2], np.array([1.0, 0.0, 0.0])  # axis 1; its sense does not matter
         up = up * np.sign(up[:, 2:])
-        turned = self.joints.maker(q)[:, 0] * np.pi / 180 * self._sense()
+        turned = self.robot.to_controller(q)[:, 0] * np.pi / 180 * self._sense()
         forward = _about(up, x - (up @ x)[:, None] * up, turned)
         shoulder, upper, wrist = (T[:, :, 3] for T in (frames[1], frames[2], frames[4]))
         arm, reach_ = upper - shoulder, wrist - shoulder
@@ -121,7 +119,7 @@ class Chooser:
 
     def _sense(self) -> float:
         """Whether the maker's axis 1 turns counter-clockwise seen from above."""
-        sign = 1.0 if self.joints.setup.sign is None else float(self.joints.setup.sign[0])
+        sign = self.robot.counting.sign[0] if self.robot.counting.sign else 1
         return sign * float(np.sign(self.kinematics.robot.base_T_first[2, 2]))
 
 

@@ -2,7 +2,7 @@
 
     frames: {1: {x_mm: 800, y_mm: 0, z_mm: 400, rz_deg: 90}}   # in the robot's base, by number or name
     tools: {3: {z_mm: 410, ry_deg: -18}}                       # from the flange, as the controller has them
-    joints: {sign: [1, 1, -1, 1, 1, 1], zero_deg: [0, 0, 0, 0, 0, 0], coupled: true, pulses_per_deg: [1000, ...]}
+    joints: {sign: {j3: -1}, coupled: true}                    # in place of the cell's, as far as it says something
     near_deg: [0, 0, 0, 0, -90, 0]                             # a posture to look for solutions from
     posture: flags                                             # or nearest: to near_deg, whatever the flags say
     fixed_to: jig                                              # or robot: points that stand with the robot's base
@@ -12,7 +12,7 @@
 A frame that is not named is the robot's base, a tool that is not named the cell's.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -23,19 +23,18 @@ from pydantic import Field
 
 from identify.model.files import InputError, Mistake
 from identify.model.frames import transform
+from identify.model.io.counting import counting_mistakes, counting_of
 from identify.model.io.document import Document, load
 from identify.model.io.entries import pose_of
-from identify.model.io.schema import Number, PoseEntry, Positive, Strict
+from identify.model.io.schema import JointsEntry, Number, PoseEntry, Strict
+from identify.model.joint_counting import AS_MODEL, JointCounting
 from identify.model.robot import Robot
 
 
-class JointsEntry(Strict):
-    """How the maker's joints become the model's: model = sign * (maker - zero), joint 3 with joint 2 where coupled."""
+class TableJoints(JointsEntry):
+    """`joints:` as in cell.yaml; `coupled: true` is joint 3 with joint 2, `coupled: false` none."""
 
-    sign: list[Literal[1, -1]] | None = None
-    zero_deg: list[Number] | None = None
-    coupled: bool | None = None
-    pulses_per_deg: list[Positive] | None = None
+    coupled: bool | dict[str, str] | None = None  # type: ignore[assignment]
 
 
 class SetupFile(Strict):
@@ -43,7 +42,7 @@ class SetupFile(Strict):
 
     frames: dict[int | str, PoseEntry] = Field(default_factory=dict)
     tools: dict[int | str, PoseEntry] = Field(default_factory=dict)
-    joints: JointsEntry = JointsEntry()
+    joints: TableJoints = TableJoints()
     near_deg: list[Number] | None = None
     posture: Literal["flags", "nearest"] = "flags"
     fixed_to: Literal["jig", "robot"] = "jig"
@@ -57,10 +56,8 @@ class Setup:
 
     frames: Mapping[str, Float[np.ndarray, "4 4"]] = field(default_factory=dict)
     tools: Mapping[str, Float[np.ndarray, "4 4"]] = field(default_factory=dict)
-    sign: Float[np.ndarray, " joints"] | None = None
-    zero: Float[np.ndarray, " joints"] | None = None  # [deg]
-    coupled: bool | None = None  # None: as the maker does
-    pulses: Float[np.ndarray, " joints"] | None = None  # a degree
+    joints: JointCounting = AS_MODEL  # in place of the cell's, as far as it says something
+    coupled: bool | None = None  # joint 3 with joint 2; None: by `joints`, by the cell, or as the maker does
     near: Float[np.ndarray, " joints"] | None = None  # [rad] or [mm], the model's
     posture: Literal["flags", "nearest"] = "flags"
     fixed_to: Literal["jig", "robot"] = "jig"
@@ -71,13 +68,13 @@ class Setup:
 def read_setup(path: Path, robot: Robot) -> Setup:
     """Read the table of a robot's frames, tools and joints; raises InputError with every mistake."""
     file, document = load(path, SetupFile)
-    wrong = _lengths(file, document, len(robot.joints))
-    if wrong:
+    names = [joint.name for joint in robot.joints]
+    if wrong := _mistakes(file, document, names):
         raise InputError(wrong)
-    joints = file.joints
+    coupled = file.joints.coupled if isinstance(file.joints.coupled, bool) else None
     return Setup(
-        frames=_poses(file.frames), tools=_poses(file.tools), sign=_array(joints.sign), zero=_array(joints.zero_deg),
-        coupled=joints.coupled, pulses=_array(joints.pulses_per_deg),
+        frames=_poses(file.frames), tools=_poses(file.tools), joints=counting_of(_plain(file.joints), names),
+        coupled=coupled,
         near=None if file.near_deg is None else np.array(file.near_deg) * robot.joint_unit(),
         posture=file.posture, fixed_to=file.fixed_to, group=file.group, position_variables=file.position_variables,
     )  # fmt: skip
@@ -87,51 +84,30 @@ def _poses(entries: Mapping[int | str, PoseEntry]) -> dict[str, Float[np.ndarray
     return {str(name): transform(np.asarray(pose_of(entry))) for name, entry in entries.items()}
 
 
-def _array(values: list[float] | list[Literal[1, -1]] | None) -> Float[np.ndarray, " joints"] | None:
-    return None if values is None else np.array(values, dtype=float)
+def _plain(entry: TableJoints) -> JointsEntry:
+    """The entry as a cell has it: a coupling that is only true or false is left out."""
+    values = entry.model_dump()
+    return JointsEntry(**values | {"coupled": None if isinstance(entry.coupled, bool) else entry.coupled})
 
 
-def _lengths(file: SetupFile, document: Document, joints: int) -> list[Mistake]:
-    lists = [(("joints", name), getattr(file.joints, name)) for name in ("sign", "zero_deg", "pulses_per_deg")]
-    return [
-        document.wrong(f"{'.'.join(place)} has {len(values)} numbers, the robot has {joints} joints", *place)
-        for place, values in [*lists, (("near_deg",), file.near_deg)]
-        if values is not None and len(values) != joints
-    ]
+def _mistakes(file: SetupFile, document: Document, names: Sequence[str]) -> list[Mistake]:
+    wrong = counting_mistakes(document, names)
+    if file.near_deg is not None and len(file.near_deg) != len(names):
+        text = f"near_deg has {len(file.near_deg)} numbers, the robot has {len(names)} joints"
+        wrong.append(document.wrong(text, "near_deg"))
+    return wrong
 
 
-@dataclass(frozen=True, eq=False)
-class JointMap:
-    """From joints as the maker counts them [deg] to the model's [rad], and back."""
-
-    robot: Robot
-    setup: Setup
-    coupled: bool
-
-    def model(self, maker: Float[np.ndarray, "rows joints"]) -> Float[np.ndarray, "rows joints"]:
-        """Joints of the model [rad] or [mm]."""
-        q = maker.copy()
-        if self.coupled:
-            q[:, 2] += q[:, 1]
-        return self._sign * (q - self._zero) * self.robot.joint_unit()
-
-    def maker(self, model: Float[np.ndarray, "rows joints"]) -> Float[np.ndarray, "rows joints"]:
-        """Joints as the maker counts them [deg] or [mm]."""
-        q = self._sign * model / self.robot.joint_unit() + self._zero
-        if self.coupled:
-            q[:, 2] -= q[:, 1]
-        return q
-
-    @property
-    def _sign(self) -> Float[np.ndarray, " joints"]:
-        return np.ones(len(self.robot.joints)) if self.setup.sign is None else self.setup.sign
-
-    @property
-    def _zero(self) -> Float[np.ndarray, " joints"]:
-        return np.zeros(len(self.robot.joints)) if self.setup.zero is None else self.setup.zero
-
-
-def joint_map(robot: Robot, setup: Setup, coupled: bool) -> JointMap:
-    """How a maker counts the joints of a robot; `coupled` is what the maker does if the table does not say."""
-    both = coupled if setup.coupled is None else setup.coupled
-    return JointMap(robot, setup, both and len(robot.joints) > 2)
+def counting(robot: Robot, setup: Setup, coupled: bool) -> JointCounting:
+    """How a maker counts the joints of a robot: by the table, else by the cell, else joint 3 as the maker does."""
+    table, cell = setup.joints, robot.counting
+    pair = ((2, 1, 1),) if len(robot.joints) > 2 else ()
+    couplings: tuple[tuple[int, int, int], ...] = pair if setup.coupled else ()
+    if setup.coupled is None:
+        couplings = table.coupled or cell.coupled or (pair if coupled and not cell.differs else ())
+    return JointCounting(
+        sign=table.sign or cell.sign,
+        zero=table.zero or cell.zero,
+        coupled=couplings,
+        pulses=table.pulses or cell.pulses,
+    )

@@ -1,6 +1,6 @@
 """Yaskawa jobs (.JBI): positions stand line by line behind //POS, under headers that hold from there on.
 
-Cartesian positions count in the base, robot or user frame; pulses need the pulses of a degree (joints: in the table).
+Cartesian positions count in the base, robot or user frame; pulses need the pulses of a degree (joints: of cell.yaml).
 P variables belong to the controller and are left alone unless the table says otherwise. Of a posture, front and rear,
 upper and lower arm and the whole turns are heeded; what flip means differs between controllers, so which of the two
 wrists is meant has to be said by near_deg where it matters.
@@ -98,9 +98,10 @@ def _record(source: Source, found: re.Match[str], end: int, header: Header, setu
             left = left or f"frame: positions of type {header.place or '(none)'} have no frame to correct in"
         frame = Ref(header.user) if PLACES.get(header.place) else Ref("", np.eye(4))
         return Record(name, line, "euler", (x, y, z, rz, ry, rx), frame, Ref(header.tool), header.config, left)
-    if form == "PULSE" and setup.pulses is None:
-        left = left or "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in the table"
-    per_degree = setup.pulses if form == "PULSE" else None
+    pulses = setup.joints.pulses
+    if form == "PULSE" and not pulses:
+        left = left or "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in cell.yaml"
+    per_degree = np.array(pulses) if form == "PULSE" and pulses else None
     joints = len(numbers) if per_degree is None else len(per_degree)
     return Record(name, line, "joints", tuple(numbers[:joints]), left=left, per_degree=per_degree)
 

@@ -20,6 +20,7 @@ from typing import Any
 
 from identify.model.files import InputError, nearest
 from identify.model.robot import Robot
+from probe.controllers.counted import Counted
 from probe.line.clock import Clock
 from probe.line.controller import Controller, LinkLost, TouchError
 from probe.line.transcript import Transport
@@ -94,7 +95,7 @@ def open_controller(
     except BaseException:
         transport.close()
         raise
-    return controller
+    return Counted(controller, robot) if robot.counting.differs else controller
 
 
 def recognised(heard: bytes) -> str:

@@ -99,7 +99,8 @@ class Controller(Protocol):
 
     Joint values are radians (millimetres where a joint slides), absolute; a backend converts them for its line.
     `rate` [rad/s] is the speed of the fastest joint of the motion; a sliding joint's mm/s count as deg/s, as they do
-    in TOUCH/1. So a motion by `dq` takes `max(abs(dq) / unit) / degrees(rate)` seconds, unit = robot.joint_unit().
+    in TOUCH/1. So a motion takes `max(abs(counts at its end - counts at its start)) / degrees(rate)` seconds, counts =
+    robot.to_controller(q), which is q / robot.joint_unit() where the controller counts as the model does.
 
     All calls block until the robot stands still again, keep the controller's deadman fed, repair a spoiled line by
     themselves, and may be interrupted by KeyboardInterrupt: the caller then calls `stop`. They raise LinkLost,

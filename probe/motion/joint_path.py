@@ -60,8 +60,9 @@ class Geometry:
         return float(self.path(start, end)[2][-1])
 
     def span(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> float:
-        """The largest joint motion [rad], where 1 mm of a sliding joint counts as 1 deg."""
-        return float(np.radians(np.abs((end - start) / self.unit).max()))
+        """The largest joint motion as the controller counts [rad], where 1 mm of a sliding joint counts as 1 deg."""
+        robot = self.cell.robot
+        return float(np.radians(np.abs(robot.to_controller(end) - robot.to_controller(start)).max()))
 
     def beyond(
         self, start: Float[np.ndarray, " joints"], through: Float[np.ndarray, " joints"], travel: float

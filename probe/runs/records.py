@@ -57,7 +57,7 @@ def result_of(record: dict[str, Any], robot: Robot) -> Result:
     def joints(key: str) -> Float[np.ndarray, " joints"]:
         return np.array(record[key]) * unit if key in record else np.full(len(unit), np.nan)
 
-    q = np.array([float(row[name] or "nan") for name in joint_columns(robot)]) * unit
+    q = robot.from_controller(np.array([float(row[name] or "nan") for name in joint_columns(robot)]))
     fast = Reading(joints("fast_q"), joints("fast_velocity")) if "fast_q" in record else None
     temperature = float(row["temperature_c"] or "nan")
     return Result(

@@ -58,10 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _joints(text: str, cell: Cell) -> np.ndarray:
-    values, unit = text.split(","), cell.robot.joint_unit()
-    if len(values) != len(unit):
-        raise InputError(f"--start has {len(values)} joints, expected {len(unit)} between commas")
-    return np.array([float(value) for value in values]) * unit
+    values, joints = text.split(","), len(cell.robot.joints)
+    if len(values) != joints:
+        raise InputError(f"--start has {len(values)} joints, expected {joints} between commas")
+    return cell.robot.from_controller(np.array([float(value) for value in values]))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -50,7 +50,7 @@ class GrblController:
 
     def __init__(self, robot: VirtualRobot, *, axis_unit_deg: float = 1.0, unsolicited: tuple[bytes, ...] = ()) -> None:
         self.robot = robot
-        self.unit = np.where(robot.cell.robot.prismatic, 1.0, np.radians(axis_unit_deg))  # [rad] or [mm] an axis unit
+        self.unit = np.where(robot.cell.robot.prismatic, 1.0, axis_unit_deg)  # [deg] or [mm] an axis unit
         self.unsolicited = unsolicited  # lines that nobody asked for, after the banner
         self.commands: list[str] = []  # lines executed, for the judge
         self.settings_written = 0
@@ -145,7 +145,7 @@ class GrblController:
         return f"<{state}|MPos:{self._position(self.robot.q)}|FS:{self.feed_rate:.0f},0{pin}>\r\n".encode()
 
     def _position(self, q: Float[np.ndarray, " joints"]) -> str:
-        return ",".join(f"{value:.3f}" for value in q / self.unit)
+        return ",".join(f"{value:.3f}" for value in self.robot.cell.robot.to_controller(q) / self.unit)
 
     # --- lines ---------------------------------------------------------------------------------------------------
 
@@ -219,20 +219,21 @@ class GrblController:
         return self._move(np.array([block.axes.get(axis, np.nan) for axis in AXES[: len(self.unit)]]), block.values)
 
     def _move(self, axes: Float[np.ndarray, " joints"], values: dict[str, float]) -> list[bytes]:
-        here = self._planned / self.unit
+        robot = self.robot.cell.robot
+        here = robot.to_controller(self._planned) / self.unit
         wanted = here + np.nan_to_num(axes) if self.modes["distance"] == "G91" else np.where(np.isnan(axes), here, axes)
         inverse = self.modes["feed"] == "G93"
         feed = values.get("F", 0.0) if inverse else self.feed_rate
         if self.motion != "G0" and feed <= 0:
             return [_error(22)]
-        target, robot = wanted * self.unit, self.robot.cell.robot
+        target = robot.from_controller(wanted * self.unit)
         if ((target < robot.lower) | (target > robot.upper)).any():
             self.alarm = 2
             self._queue.clear()
             self.robot.stop("LIMIT")
             return [b"ALARM:2\r\n", b"[MSG:Reset to continue]\r\n"]
         seconds = 60 / feed * (1.0 if inverse else float(np.linalg.norm(wanted - here))) if self.motion != "G0" else 0.0
-        farthest = float(np.max(np.abs(target - self._planned) / robot.joint_unit()))
+        farthest = float(np.max(np.abs(wanted - here) * self.unit))
         return self._push(Queued(self.motion, target, np.radians(farthest / seconds) if seconds else RAPID))
 
     def _push(self, queued: Queued) -> list[bytes]:

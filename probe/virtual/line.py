@@ -117,7 +117,7 @@ class LineController:
 
     def _joints(self, q: np.ndarray, decimals: int = 6) -> str:
         decimals = min(decimals, 6 if len(q) <= 6 else 5)  # two sets of joints fit into one line
-        return ",".join(f"{value:.{decimals}f}" for value in q / self.robot.cell.robot.joint_unit())
+        return ",".join(f"{value:.{decimals}f}" for value in self.robot.cell.robot.to_controller(q))
 
     def _read(self, raw: bytes) -> list[bytes]:
         text = _readable(raw)
@@ -182,13 +182,13 @@ class LineController:
         return f"OK boot={self.boot} seq={self.latch[0]} q={self._joints(self.latch[1])}"
 
     def _motion(self, body: list[str]) -> str:
-        unit = self.robot.cell.robot.joint_unit()
+        robot = self.robot.cell.robot
         values = [*body[1].split(","), body[2]] if len(body) == 3 else []
-        if len(values) != len(unit) + 1 or not all(DECIMAL.fullmatch(value) for value in values):
-            return f"ERR SYNTAX expected {body[0]}, {len(unit)} joints between commas, and a rate"
+        if len(values) != len(robot.joints) + 1 or not all(DECIMAL.fullmatch(value) for value in values):
+            return f"ERR SYNTAX expected {body[0]}, {len(robot.joints)} joints between commas, and a rate"
         *q, rate = (float(value) for value in values)
         self._touches = len(self.robot.touches)
-        refusal = self.robot.begin(body[0], np.array(q) * unit, np.radians(rate))
+        refusal = self.robot.begin(body[0], robot.from_controller(np.array(q)), np.radians(rate))
         if refusal is not None:
             return self._ended(refusal)
         self.running, self.dead = True, False

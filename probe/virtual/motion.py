@@ -65,7 +65,8 @@ class Profile:
 def straight(
     robot: Robot, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"], rate: float, time: float
 ) -> Profile:
-    """A motion from rest to rest; `rate` [rad/s] is of the fastest joint, a sliding joint's mm/s counting as deg/s.
+    """A motion from rest to rest; `rate` [rad/s] is of the joint that the controller counts
+    fastest, a sliding joint's mm/s counting as deg/s.
 
     No joint is driven faster than it can, nor accelerated faster than to its full speed in `RAMP`.
     """
@@ -74,7 +75,8 @@ def straight(
         return Profile((Piece(time, 1.0, 0.0, -1.0),), time, 1.0)
     with np.errstate(divide="ignore"):
         fastest = float(np.min(robot.speed / distance))
-    speed = min(float(np.degrees(rate) / np.max(distance / robot.joint_unit())), fastest)
+    counts = np.abs(robot.to_controller(end) - robot.to_controller(start))
+    speed = min(float(np.degrees(rate) / np.max(counts)), fastest)
     ramp = fastest / RAMP
     rise = min(speed**2 / (2 * ramp), 0.5)
     speed = np.sqrt(2 * ramp * rise)

@@ -10,6 +10,7 @@ import numpy as np
 
 from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.files import Mistake, nearest
+from identify.model.io.counting import counting_mistakes
 from identify.model.io.document import Document, entries, usable
 from identify.model.io.schema import (
     BoxEntry,
@@ -47,6 +48,8 @@ def cell_mistakes(document: Document, robot: Robot | None) -> list[Mistake]:
         if tilted and tilted.max_tilt_deg < 1.6:
             wrong.append(document.wrong(f"a tilt of {tilted.max_tilt_deg:g} degrees: {RADIANS}", key, "max_tilt_deg"))
     wrong += _zone(document, zone) if zone else []
+    if robot is not None:
+        wrong += counting_mistakes(document, [joint.name for joint in robot.joints])
     return wrong + _bounds(document) + (_parameters(document, robot) if robot else [])
 
 

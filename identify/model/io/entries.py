@@ -10,6 +10,7 @@ from identify.model.cell import DEG, Cell, Controller, Priors, TouchSettings, Wi
 from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.io import schema
+from identify.model.io.counting import counting_entry, counting_of
 from identify.model.jig import Box, Face, Jig
 from identify.model.joint import Capsule, Joint
 from identify.model.robot import POSE_NAMES, Robot
@@ -67,7 +68,7 @@ def _payload_entry(robot: Robot) -> dict[str, Any] | None:
 
 
 def equipped(file: schema.CellFile, robot: Robot) -> Robot:
-    """The robot with what the cell says of its errors, its mounting, its load and its temperature."""
+    """The robot with what the cell says of its errors, its mounting, its load, its temperature and its controller."""
     return replace(
         robot,
         errors=robot.errors if file.errors is None else tuple(file.errors),
@@ -75,6 +76,7 @@ def equipped(file: schema.CellFile, robot: Robot) -> Robot:
         up=robot.up if file.up is None else file.up,
         payload=robot.payload if file.payload is None else _payload(file.payload),
         temperature=robot.temperature if file.temperature_c is None else file.temperature_c,
+        counting=robot.counting if file.joints is None else counting_of(file.joints, [j.name for j in robot.joints]),
     )
 
 
@@ -162,6 +164,7 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
         "jig": None if cell.jig is None else jig_entry(cell.jig),
         "base": pose_entry(cell.base),
         "tool": pose_entry(cell.tool),
+        "joints": counting_entry(cell.robot.counting, [joint.name for joint in cell.robot.joints]) or None,
         "wire": {"radius_mm": cell.wire.radius, "shape": cell.wire.shape},
         "touch": {
             "sigma_mm": touch.sigma, "approach_mm": touch.approach, "travel_mm": touch.travel,

@@ -169,6 +169,23 @@ RobotSource = Annotated[
 ]
 
 
+_rows = Discriminator(lambda value: "<names>" if isinstance(value, dict) else "<list>")
+Signs = Annotated[
+    Annotated[list[Literal[1, -1]], Tag("<list>")] | Annotated[dict[str, Literal[1, -1]], Tag("<names>")], _rows
+]
+Numbers = Annotated[Annotated[list[Number], Tag("<list>")] | Annotated[dict[str, Number], Tag("<names>")], _rows]
+Positives = Annotated[Annotated[list[Positive], Tag("<list>")] | Annotated[dict[str, Positive], Tag("<names>")], _rows]
+
+
+class JointsEntry(Strict):
+    """How the controller counts joints: model = sign * (counts + coupled counts - zero); lists, or by joint name."""
+
+    sign: Signs | None = None
+    zero_deg: Numbers | None = None  # what it shows where the model stands at 0; mm of a prismatic joint
+    coupled: dict[str, str] | None = None  # {j3: j2}: the count of j2 is added to that of j3; {j3: -j2}: subtracted
+    pulses_per_deg: Positives | None = None
+
+
 class CellFile(Strict):
     """cell.yaml, the one file that a user writes."""
 
@@ -180,6 +197,7 @@ class CellFile(Strict):
     up: Vector | None = None
     payload: PayloadEntry | None = None
     temperature_c: Number | None = None
+    joints: JointsEntry | None = None
     wire: WireEntry = WireEntry()
     touch: TouchEntry = TouchEntry()
     zone: ZoneEntry | None = None

@@ -1,4 +1,7 @@
-"""The CSV files of touches, positions, plans and poses: columns with units in their names, radians inside."""
+"""The CSV files of touches, positions, plans and poses: columns with units in their names, radians inside.
+
+Joint columns hold what the controller counts (`joints:` of the cell), which is read and written as joints of the model.
+"""
 
 import csv
 from collections.abc import Sequence
@@ -53,7 +56,7 @@ def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touche
     return Touches(
         ids=tuple(kept), face=tuple(face), q=q, normal=normal, offset=offset, sigma=np.hypot(sigma, tolerance),
         status=(HIT,) * len(kept), temperature=temperature, time=tuple(sheet.text("time")),
-        note=tuple(sheet.text("note")), approach=approach * cell.robot.joint_unit(),
+        note=tuple(sheet.text("note")), approach=cell.robot.from_controller(approach),
     )  # fmt: skip
 
 
@@ -89,11 +92,11 @@ def read_plan(path: Path, cell: Cell) -> Plan:
     for row, name in enumerate(face):
         if "face" in sheet.columns and (cell.jig is None or name not in cell.jig.by_name):
             sheet.wrong(row, cell.unknown_face(name))
-    unit = robot.joint_unit()
+    joints = robot.from_controller
     plan = Plan(
         ids=tuple(sheet.ids()), face=tuple(face), point=_block(sheet, POINT), normal=_block(sheet, PLANE[:3]),
-        q=_block(sheet, joint_columns(robot)) * unit, approach=_block(sheet, joint_columns(robot, APPROACH)) * unit,
-        via=_vias(sheet, vias) * unit,
+        q=joints(_block(sheet, joint_columns(robot))), approach=joints(_block(sheet, joint_columns(robot, APPROACH))),
+        via=joints(_vias(sheet, vias)),
     )  # fmt: skip
     sheet.stop()
     return plan
@@ -121,7 +124,7 @@ def plan_text(plan: Plan, robot: Robot) -> str:
     columns |= dict(zip(PLANE[:3], plan.normal.T.round(12), strict=True))
     vias = [(f"via{k + 1}_", plan.via[:, k]) for k in range(plan.via.shape[1])]
     for prefix, q in (("", plan.q), (APPROACH, plan.approach), *vias):
-        columns |= dict(zip(joint_columns(robot, prefix), (q / robot.joint_unit()).T.round(9), strict=True))
+        columns |= dict(zip(joint_columns(robot, prefix), robot.to_controller(q).T.round(9), strict=True))
     return sheet_text(columns)
 
 
@@ -141,17 +144,17 @@ def touches_text(touches: Touches, robot: Robot, jig: Jig | None = None) -> str:
     tolerance = np.array([faces[name].tolerance if name in faces else np.nan for name in touches.face])
     own = np.where(named, touches.sigma**2 - tolerance**2, touches.sigma**2)
     columns["sigma_mm"] = np.sqrt(own, where=own > 0, out=np.full(len(touches), np.nan))
-    columns |= dict(zip(joint_columns(robot), (touches.q / robot.joint_unit()).T.round(9), strict=True))
+    columns |= dict(zip(joint_columns(robot), robot.to_controller(touches.q).T.round(9), strict=True))
     columns |= {"temperature_c": touches.temperature, "note": touches.note}
     begun = np.full_like(touches.q, np.nan) if touches.approach is None else touches.approach
-    columns |= dict(zip(joint_columns(robot, APPROACH), (begun / robot.joint_unit()).T.round(9), strict=True))
+    columns |= dict(zip(joint_columns(robot, APPROACH), robot.to_controller(begun).T.round(9), strict=True))
     return sheet_text(columns)
 
 
 def positions_text(positions: Positions, robot: Robot) -> str:
     """Positions as the text of positions.csv."""
     columns: dict[str, Sequence[str] | np.ndarray] = {"id": positions.ids}
-    columns |= dict(zip(joint_columns(robot), (positions.q / robot.joint_unit()).T.round(9), strict=True))
+    columns |= dict(zip(joint_columns(robot), robot.to_controller(positions.q).T.round(9), strict=True))
     columns |= dict(zip(POINT, positions.point.T.round(6), strict=True)) | {"sigma_mm": positions.sigma}
     return sheet_text(columns)
 
@@ -176,7 +179,7 @@ def _joints(sheet: Sheet, robot: Robot, trust_units: bool) -> Float[np.ndarray, 
     largest = np.nanmax(np.abs(turning), initial=0.0)
     if len(values) >= 3 and 0 < largest < 7 and not trust_units:
         sheet.at(0, f"no joint angle is larger than {largest:.3g}: radians? write degrees, or say --trust-units")
-    return values * robot.joint_unit()
+    return robot.from_controller(values)
 
 
 def _sigma(sheet: Sheet, default: float) -> np.ndarray:

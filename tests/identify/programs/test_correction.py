@@ -1,6 +1,7 @@
 """What all makers' programs share: numbers in their own style, orientations, frames, and files that fail as a whole."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from identify.programs.fixing import fix
 from identify.programs.makers import MAKERS, maker_of
 from identify.programs.numbers import NUMBER, decimals, number, written
 from identify.programs.orientation import angle_between, euler_near, from_euler, from_quaternion, quaternion_near
-from identify.programs.setup import joint_map, read_setup
+from identify.programs.setup import counting, read_setup
 from identify.programs.source import Scanner, Source, blanked, source_of
 
 ROBOT: Robot = CELL.robot
@@ -154,12 +155,12 @@ def test_bytes_survive_the_way_through_text():
 def test_joints_of_a_maker_and_of_the_model_are_each_others_inverse(tmp_path_factory, angles, coupled):
     path = tmp_path_factory.mktemp("setup") / "setup.yaml"
     path.write_text(SETUP)
-    joints = joint_map(ROBOT, read_setup(path, ROBOT), coupled)
+    robot = replace(ROBOT, counting=counting(ROBOT, read_setup(path, ROBOT), coupled))
     maker = np.array([angles])
 
-    model = joints.model(maker)
+    model = robot.from_controller(maker)
 
-    assert np.abs(joints.maker(model) - maker).max() < 1e-9
+    assert np.abs(robot.to_controller(model) - maker).max() < 1e-9
     expected = np.radians([angles[0], angles[1] - 90, -(angles[2] + angles[1]), *angles[3:]])
     assert np.abs(model[0] - expected).max() < 1e-12
 
@@ -172,7 +173,7 @@ def test_a_setup_is_read_with_names_as_text(tmp_path):
     assert set(setup.frames) == {"1", "wobj1"}
     assert setup.tools["3"][2, 3] == 410
     assert setup.near[4] == pytest.approx(-np.pi / 2)
-    assert (setup.fixed_to, setup.coupled, setup.pulses[5]) == ("robot", True, 6)
+    assert (setup.fixed_to, setup.coupled, setup.joints.pulses[5]) == ("robot", True, 6)
 
 
 @pytest.mark.parametrize(("line", "sentence"), [

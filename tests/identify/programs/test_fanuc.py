@@ -26,6 +26,7 @@ from programs import (
 from identify.compensation.postures import nominal
 from identify.model.files import InputError
 from identify.model.frames import inverse, transform
+from identify.model.joint_counting import JointCounting
 from identify.programs.fixing import fix
 from identify.programs.setup import Setup
 
@@ -256,7 +257,7 @@ def test_signs_and_zeros_of_the_table_are_heeded():
     shown = sign * np.degrees(Q) + zero
     text = "\tUF : 0, UT : 1,\n\t" + ",\t".join(f"J{i + 1}= {number(v)} deg" for i, v in enumerate(shown))
 
-    result = fixed(program([text]), setup=Setup(sign=sign, zero=zero, coupled=False))
+    result = fixed(program([text]), setup=Setup(joints=JointCounting(tuple(sign), tuple(zero)), coupled=False))
 
     new = np.array(list(read(result.after.decode())[0][1].values()))
     assert off_joints(np.radians(sign * (new - zero)), base_T_tip(Q))[0] < 0.05

@@ -24,6 +24,7 @@ from programs import (
 
 from identify.model.files import InputError
 from identify.model.frames import inverse, transform
+from identify.model.joint_counting import JointCounting
 from identify.programs.fixing import fix
 from identify.programs.setup import Setup
 
@@ -94,7 +95,7 @@ def programs(draw):
     return job(*lines, end=end), drawn
 
 
-SETUP = Setup({"4": FRAME}, pulses=PULSES, near=Q)
+SETUP = Setup({"4": FRAME}, joints=JointCounting(pulses=tuple(PULSES)), near=Q)
 
 
 @given(programs())
