@@ -154,7 +154,7 @@ def _conventions(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Iterator[_
     offsets = [None, *((i, turn) for i in range(n) if not robot.prismatic[i] for turn in (90, -90, 180))]
     for signs, couple, offset in product(product((1, -1), repeat=n), (0, 1, -1) if n > 2 else (0,), offsets):
         change, turned = np.diag(np.array(signs, dtype=float)), np.zeros(n)
-        cure = "joints: of cell.yaml says so"
+        cure = "it belongs into joints: of cell.yaml"
         causes = [Cause(f"the axis of {names[i]} points the other way", cure) for i in range(n) if signs[i] < 0]
         if couple:
             change[2, 1] = couple

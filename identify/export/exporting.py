@@ -26,7 +26,14 @@ def export(calibration: Calibration, name: str, original: Original | None = None
     written = calibration if made.beyond else geometric(calibration)
     files, notes = made.write(written, original)
     found = deviation(calibration, made.read(files, written))
-    return Exported(files, found, (*_lost(calibration, written, name, found), *notes))
+    return Exported(files, found, (*_lost(calibration, written, name, found), *_counted(calibration, name), *notes))
+
+
+def _counted(calibration: Calibration, name: str) -> tuple[str, ...]:
+    """A word where the controller counts its joints otherwise than what is exported."""
+    if name == "mastering-text" or not calibration.cell.robot.counting.differs:
+        return ()
+    return (f"{name} counts the joints as the model does, not as the controller (joints: of the cell)",)
 
 
 def _lost(calibration: Calibration, written: Calibration, name: str, found: Deviation) -> tuple[str, ...]:

@@ -33,14 +33,18 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
         "",
         HEADING.format("joint", "offset", "shown at true zero"),
     ]
-    for joint, name, offset in zip(cell.robot.joints, zeros, offsets, strict=True):
-        unit, word = (1.0, "mm") if joint.prismatic else (180 / np.pi, "deg")
+    zero, shown = cell.robot.to_controller(np.zeros(len(offsets))), cell.robot.to_controller(-offsets)
+    for i, (joint, name) in enumerate(zip(cell.robot.joints, zeros, strict=True)):
+        word = "mm" if joint.prismatic else "deg"
         carried = "" if name in free else "   carried by base or tool"
-        lines.append(
-            HEADING.format(joint.name, f"{offset * unit:.6f} {word}", f"{0.0 - offset * unit:.6f} {word}") + carried
-        )
-    lines += ["", "An arm that shows q stands at q + offset: drive each joint to what it shows at its true zero, and",
-              "set it to zero there. Then enter the frames.", ""]  # fmt: skip
+        lines.append(HEADING.format(joint.name, f"{zero[i] - shown[i]:.6f} {word}", f"{shown[i]:.6f} {word}") + carried)
+    there = "zero" if not cell.robot.counting.differs else ", ".join(f"{value:g}" for value in zero)
+    lines += [
+        "",
+        "An arm that shows q stands at q + offset: drive each joint to what it shows at its true zero, and",
+        f"set it to {there} there. Then enter the frames.",
+        "",
+    ]
     for title, values in (("tool frame (flange to tip)", theta[-6:]), ("base frame (jig to base)", theta[:6])):
         lines.append(
             f"{title}: " + ", ".join(f"{k} {v:.6f}" for k, v in zip(POSE_KEYS, values / POSE_UNIT, strict=True))
@@ -60,11 +64,11 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
 def read(files: Mapping[str, str], calibration: Calibration) -> Forward:
     """jig_T_tip of the nominal links with the zeros and frames of the text."""
     robot, theta, text = calibration.cell.robot, believed(calibration), files[".txt"]
-    for joint in robot.joints:
-        found = re.search(rf"^{re.escape(joint.name)}\s+(-?[\d.]+) (deg|mm)", text, re.MULTILINE)
-        assert found is not None
-        place = robot.parameters.index(f"{joint.name}.{'d' if joint.prismatic else 'theta'}")
-        theta[place] += float(found[1]) * (np.pi / 180 if found[2] == "deg" else 1.0)
+    zero = robot.to_controller(np.zeros(len(robot.joints)))
+    rows = [re.search(rf"^{re.escape(joint.name)}\s+(-?[\d.]+) (deg|mm)", text, re.MULTILINE) for joint in robot.joints]
+    offsets = robot.from_controller(zero + np.array([float(row[1]) for row in rows if row is not None]))
+    for joint, offset in zip(robot.joints, offsets, strict=True):
+        theta[robot.parameters.index(f"{joint.name}.{'d' if joint.prismatic else 'theta'}")] += offset
     for title, part in (("base frame", slice(0, 6)), ("tool frame", slice(-6, None))):
         line = next(row for row in text.splitlines() if row.startswith(title))
         theta[part] = np.array([float(v) for v in re.findall(r"_(?:mm|deg) (-?[\d.]+)", line)]) * POSE_UNIT

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from identify.export.formats import Format, Forward, Original
 from identify.model.frames import transform
 from identify.model.io.calibration_file import Calibration
+from identify.model.io.counting import counting_entry
 from identify.model.io.entries import pose_entry, pose_of, robot_entry, robot_of
 from identify.model.io.schema import PoseEntry, RobotFile
 from identify.model.kinematics import Kinematics
@@ -24,6 +25,7 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
         "base": pose_entry(calibration.theta[:6]),
         "tool": pose_entry(calibration.theta[-6:]),
         "robot": robot_entry(robot.identified(calibration.theta)),
+        "joints": counting_entry(robot.counting, [joint.name for joint in robot.joints]),
     }
     return {".json": json.dumps(entry, indent=1) + "\n"}, ()
 

@@ -11,6 +11,7 @@ In the order in which data walks through:
     shape            solids that move with the links of a robot
     errors           models of joint errors: one function and one row of ERROR_MODELS each
     joint            one joint of a serial robot, its five link parameters, and the capsule around a link
+    joint_counting   how a controller counts the joints: signs, zeros, couplings, pulses
     robot            a serial robot: its joints, and the names of all parameters
     jig              rectangular faces at known places, and boxes to keep clear of
     touch            touches on faces and positions of the tip, as columns of equal length

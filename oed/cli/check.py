@@ -2,30 +2,57 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from identify.model.cell import DEG, Cell
+from identify.model.files import InputError, write_text
 from identify.model.identifiability import structure
+from identify.model.io.counting import counting_entry
+from identify.model.io.document import Document, line_text
+from identify.model.joint_counting import JointCounting
 from identify.pendant import Agreement, compare, read_pendant
 from oed.cli.options import CellFile, Json, load_cell, print_json
 from probe.motion.clearance import Clearance
 
 
-def check(*, cell: CellFile = Path("cell.yaml"), pendant: Path | None = None, json: Json = False) -> int:
+def check(
+    *,
+    cell: CellFile = Path("cell.yaml"),
+    pendant: Path | None = None,
+    fix: Annotated[bool, Parameter(negative=())] = False,
+    json: Json = False,
+) -> int:
     """Validate the cell, and compare its model with poses read off the pendant.
 
     Exit code 1 where model and pendant disagree; the usual causes are tried (axis signs, joint 3 coupled to joint 2,
     offsets of a right angle, flange or tip, base height, order of the angles, mm or m), and the one that explains it is
-    named. pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg. Example:
+    named. How the controller counts its joints (axis signs, coupling, zeros) is proposed as `joints:` of the cell, and
+    written there with --fix. pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg.
+    Two examples:
 
         touchcal check --pendant pendant.csv
+
+        touchcal check --pendant pendant.csv --fix
 
     Parameters
     ----------
     pendant
         Poses read off the pendant: joints, and the tool's place in the robot's base frame.
+    fix
+        Write the proposed `joints:` into the cell file; its comments stay.
     """
     described = load_cell(cell)
+    if fix and pendant is None:
+        raise InputError("--fix writes what the pendant shows; say --pendant FILE too")
     found = None if pendant is None else compare(described, read_pendant(pendant, described))
+    if fix and pendant and found and found.explained and found.counting:
+        write_text(cell, Document(cell).with_key("joints", _entry(described, found.counting) or None))
+        if not json:
+            print(f"wrote {_line(described, found.counting)} into {cell}")
+        described = load_cell(cell)
+        found = compare(described, read_pendant(pendant, described))
     if json:
         known = structure(described)
         print_json({"robot": described.robot.name, "rank": known.rank, "pendant": found and asdict(found)})
@@ -48,7 +75,9 @@ def story(cell: Cell, found: Agreement | None) -> str:
         box = " x ".join(f"{lo:g} ... {hi:g}" for lo, hi in cell.zone.box)
         lines.append(f"zone: {box} mm, torch within {cell.zone.max_tilt / DEG:g} degrees of straight down")
     lines += _shapes(cell)
-    return "\n".join([*lines, *_pendant(found)])
+    if cell.robot.counting.differs:
+        lines.append(f"the controller counts otherwise than the model: {_line(cell, cell.robot.counting)}")
+    return "\n".join([*lines, *_pendant(cell, found)])
 
 
 def _shapes(cell: Cell) -> list[str]:
@@ -67,7 +96,17 @@ def _sides(cell: Cell) -> str:
     return "looking along " + ", ".join(sorted(sides))
 
 
-def _pendant(found: Agreement | None) -> list[str]:
+def _entry(cell: Cell, counting: JointCounting) -> dict[str, Any]:
+    return counting_entry(counting, [joint.name for joint in cell.robot.joints])
+
+
+def _line(cell: Cell, counting: JointCounting) -> str:
+    """The line of cell.yaml that says how the controller counts."""
+    entry = _entry(cell, counting)
+    return line_text("joints", entry) if entry else "no joints:"
+
+
+def _pendant(cell: Cell, found: Agreement | None) -> list[str]:
     if found is None:
         return ["cell is valid; compare it with the pendant: touchcal check --pendant pendant.csv"]
     if found.agrees:
@@ -75,4 +114,7 @@ def _pendant(found: Agreement | None) -> list[str]:
     lines = [f"pendant: DISAGREES by up to {found.position_mm:.1f} mm and {found.angle_deg:.1f} degrees"]
     if not found.explained:
         return [*lines, "none of the usual causes explains it; compare the link lengths with the robot's drawing"]
-    return [*lines, *(f"  because {cause.name}: {cause.cure}" for cause in found.causes)]
+    lines += [f"  because {cause.name}: {cause.cure}" for cause in found.causes]
+    if found.counting is None:
+        return lines
+    return [*lines, "write this line into cell.yaml, or say --fix:", f"  {_line(cell, found.counting)}"]

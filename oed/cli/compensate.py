@@ -54,7 +54,7 @@ def compensate(
         Poses fixed to the jig stay where they are when the base was found elsewhere; those fixed to the robot move with
         its base.
     near
-        A posture to look for solutions from: joint values parted by commas (degrees, mm where a joint slides).
+        A posture to look for solutions from, as the pendant shows it: joint values parted by commas (degrees, or mm).
     free_roll
         Leave the turn about the wire open.
     max_change_deg
@@ -63,7 +63,7 @@ def compensate(
     identified = read_calibration(calibration)
     robot = identified.cell.robot
     wanted = read_poses(poses, trust_units=trust_units)
-    start = None if near is None else numbers(near, len(robot.joints), "--near") * robot.joint_unit()
+    start = None if near is None else robot.from_controller(numbers(near, len(robot.joints), "--near"))
     limit = None if max_change_deg is None else float(np.radians(max_change_deg))
     result = corrected(
         identified,
@@ -91,7 +91,7 @@ def table(wanted: Poses, result: Compensation, robot: Robot) -> str:
     """The text of corrected.csv."""
     command = result.command / POSE_UNIT
     columns: dict[str, Any] = {"id": wanted.ids, "status": ["left" if reason else "corrected" for reason in result.why]}
-    columns |= dict(zip(joint_columns(robot), (result.q / robot.joint_unit()).T.round(9), strict=True))
+    columns |= dict(zip(joint_columns(robot), robot.to_controller(result.q).T.round(9), strict=True))
     columns |= dict(zip(POSE_KEYS, command.T.round(9), strict=True))
     return sheet_text(columns | {"note": result.why})
 

@@ -39,6 +39,10 @@ zone: {{box_mm: [[{lo[0]:.0f}, {hi[0]:.0f}], [{lo[1]:.0f}, {hi[1]:.0f}], [{lo[2]
 # How wrong the numbers above and the robot's drawing may be, 1 sigma.
 priors: {{base_mm: 10, base_deg: 2, tool_mm: 10, tool_deg: 2, length_mm: 3, angle_deg: 1}}
 
+# How the controller counts its joints, if pendant and model differ; touchcal check --pendant proposes this line. Files
+# that controller or pendant read or write (plan.csv, touches.csv, pendant.csv, programs, the line) hold its numbers.
+# joints: {{sign: {{{joints[0]}: -1}}, zero_deg: {{{joints[1]}: 90}}, coupled: {{{joints[2]}: {joints[1]}}}}}
+
 # Joint errors beyond geometry, once touches have chosen them (touchcal identify --errors auto).
 # errors: [harmonics, compliance, backlash]
 
@@ -142,6 +146,8 @@ def cell_text(source: str, jig_source: str, robot: Robot, jig: Jig) -> str:
     else:
         tool = min(0.4 * reach, 350.0)
         x, y, z = middle[0], middle[1] + 0.55 * reach, max(0.0, 0.5 * reach - robot.joints[0].d)
+    names = [joint.name for joint in robot.joints]
     return CELL.format(
-        robot=source, jig=jig_source, x=x, y=y, z=z, tool=tool, lo=lo - 50 * np.array([1, 1, 0]), hi=hi + 50
+        robot=source, jig=jig_source, joints=(names * 3)[:3], x=x, y=y, z=z, tool=tool,
+        lo=lo - 50 * np.array([1, 1, 0]), hi=hi + 50,
     )  # fmt: skip

@@ -10,6 +10,7 @@ In the order in which data walks through:
     linuxcnc_machine  what LinuxCNC can be asked through linuxcncrsh, in its own units
     linuxcnc_mdi      motions and questions in the language of LinuxCNC
     linuxcnc          a LinuxCNC whose axes X Y Z A B C are the joints of the robot
+    counted           a controller that counts the joints otherwise than the model
 """
 
 import re

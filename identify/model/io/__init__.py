@@ -4,6 +4,7 @@ In the order in which data walks through:
 
     document          YAML files with the line of every key
     schema            what a user may write in them
+    counting          `joints:`, how the controller counts
     checks            what single values cannot show: units mixed up, names taken twice
     entries           between millimetres and degrees in files and what they describe, both ways
     description       cell, robot and jig from their YAML files, or from the library

@@ -35,7 +35,7 @@ def counting_mistakes(document: Document, names: Sequence[str]) -> list[Mistake]
     if entry is None:
         return []
     wrong = [
-        document.wrong(f"joints.{key}: {text}", "joints", key)
+        document.wrong(f"joints.{key} {text}", "joints", key)
         for key in LISTS
         for text in _row_mistakes(entry, key, names)
     ]
@@ -65,12 +65,13 @@ def _row(values: Sequence[float] | Mapping[str, float] | None, names: Sequence[s
 def _row_mistakes(entry: JointsEntry, key: str, names: Sequence[str]) -> Iterator[str]:
     values = getattr(entry, key)
     if isinstance(values, Mapping):
-        yield from (f"the robot has no joint '{name}'{nearest(name, names)}" for name in values if name not in names)
+        for name in (name for name in values if name not in names):
+            yield f"names a joint that the robot does not have: '{name}'{nearest(name, names)}"
         missing = [name for name in names if name not in values]
         if key == "pulses_per_deg" and values and missing:
-            yield f"no number for {', '.join(missing)}; write one for each joint"
+            yield f"has no number for {', '.join(missing)}; write one for each joint"
     elif values is not None and len(values) != len(names):
-        yield f"it has {len(values)} numbers, the robot has {len(names)} joints"
+        yield f"has {len(values)} numbers, the robot has {len(names)} joints"
 
 
 def _coupled(entry: JointsEntry, names: Sequence[str]) -> Iterator[tuple[str, int | None, int | None, int]]:

@@ -1,5 +1,6 @@
 """YAML files read with the place of every key, so that every mistake is told with its line."""
 
+from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,6 +50,16 @@ class Document:
         """A mistake at a key of this file."""
         return Mistake(str(self.path), self.line(location), text)
 
+    def with_key(self, key: str, value: Any) -> str:
+        """The text of the file with another value of a key of the first level, comments kept; None removes the key."""
+        if value is None:
+            self.data.pop(key, None)
+        else:
+            self.data[key] = flow(value)
+        out = StringIO()
+        _writer().dump(self.data, out)
+        return out.getvalue()
+
     def get(self, key: str) -> Any:
         """What stands at a key, unchecked; None where nothing does."""
         return self.data.get(key) if isinstance(self.data, dict) else None
@@ -57,6 +68,28 @@ class Document:
         """The items of a list, unchecked; none where there is no list."""
         found = self.get(key)
         return found if isinstance(found, list) else []
+
+
+def flow(value: Any) -> Any:
+    """A value that YAML writes on one line."""
+    if not isinstance(value, dict | list):
+        return value
+    node = CommentedMap({k: flow(v) for k, v in value.items()}) if isinstance(value, dict) else CommentedSeq(value)
+    node.fa.set_flow_style()
+    return node
+
+
+def line_text(key: str, value: Any) -> str:
+    """`key: value` as one line of YAML."""
+    out = StringIO()
+    _writer().dump({key: flow(value)}, out)
+    return out.getvalue().rstrip("\n")
+
+
+def _writer() -> YAML:
+    yaml = YAML()
+    yaml.width, yaml.preserve_quotes = 4096, True
+    return yaml
 
 
 def load(path: Path, model: type[Model]) -> tuple[Model, Document]:

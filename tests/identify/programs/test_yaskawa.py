@@ -182,7 +182,7 @@ def test_pulses_without_their_number_a_degree_are_left_alone_and_say_what_is_mis
     result = fixed(job("///TOOL 1", "///POSTYPE PULSE", "///PULSE", f"C00000={pulses(Q)}"))
 
     assert result.left[0].why == (
-        "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in the table"
+        "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in cell.yaml"
     )
 
 

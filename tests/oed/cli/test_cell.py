@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from virtual_support import make_plan
 
+from identify.model.frames import euler, transform
 from identify.model.io.description import library, read_cell
 from identify.model.io.tables import plan_text, read_touches
 
@@ -160,3 +161,30 @@ def test_a_calibration_is_reported_with_the_touches_beside_it(project, touchcal,
     page = (project / "report.html").read_text()
     assert '"id": "t60"' in page
     assert json.loads((project / "report.json").read_text())["inputs"].keys() == {"touches.csv"}
+
+
+def test_check_writes_how_the_controller_counts_and_keeps_the_comments(tmp_path, touchcal):
+    assert touchcal("init", tmp_path)[0] == 0
+    cell, pendant = tmp_path / "cell.yaml", tmp_path / "pendant.csv"
+    described = read_cell(cell)
+    q = np.random.default_rng(5).uniform(-0.8, 0.8, (6, 6))
+    p, R = described.kinematics.flange(q, described.theta)
+    tool = transform(described.tool)
+    rz, ry, rx = np.degrees(euler(R @ tool[:3, :3]).T)
+    shown = np.degrees(q)
+    shown[:, 2] -= shown[:, 1]  # joint 3 against the horizontal, as FANUC shows it
+    shown[:, 4] *= -1
+    rows = np.column_stack([shown, p + R @ tool[:3, 3], rx, ry, rz]).round(3)
+    with pendant.open("a") as file:
+        file.writelines(f"p{i}," + ",".join(map(str, row)) + "\n" for i, row in enumerate(rows.tolist()))
+    before = cell.read_text()
+
+    proposed = touchcal("check", "--cell", cell, "--pendant", pendant)
+    written = touchcal("check", "--cell", cell, "--pendant", pendant, "--fix")
+
+    line = "joints: {sign: {j5: -1}, coupled: {j3: j2}}"
+    assert proposed[0] == 1
+    assert f"  {line}\n" in proposed[1]
+    assert written[0] == 0
+    assert cell.read_text() == before + line + "\n"
+    assert "pendant: agrees" in written[1]
