@@ -30,7 +30,7 @@ class Desk:
         truth = with_effects(Truth(cell.theta), sigma=0.0)
         self.robot = VirtualRobot(cell, truth, np.random.default_rng(3), start=plan.approach[0])
         self.grbl = GrblController(self.robot, **options)
-        self.unit = float(self.grbl.unit[0])
+        self.unit = float(np.radians(self.grbl.unit[0]))  # [rad] in one unit of an axis
         self.now = 0.0
         self.home, self.end = plan.approach[0], search_end(cell, plan)[0]
 
