@@ -9,7 +9,6 @@ from identify.model.cell import Cell
 from identify.model.identifiability import structure
 from identify.model.measurement import Rows, measurement_model
 from identify.model.touch import Plan
-from identify.uncertainty.information import touch_sigma
 from probe.virtual.batch import search_end
 from probe.virtual.contact import INTERVAL, Paths, first_contact
 from probe.virtual.surfaces import surfaces
@@ -29,7 +28,7 @@ class ManyTouches:
     hit: Bool[np.ndarray, "robots touches"]  # whether the planned face was met
     normal: Float[np.ndarray, "touches 3"]
     offset: Float[np.ndarray, " touches"]  # [mm]
-    sigma: Float[np.ndarray, " touches"]  # [mm], repeatability and jig tolerance in quadrature
+    sigma: Float[np.ndarray, " touches"]  # [mm], of the contact along the normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +124,7 @@ def _made(cell: Cell, plan: Plan, q: np.ndarray, hit: np.ndarray) -> ManyTouches
     faces, count = [cell.jig.by_name[name] for name in plan.face], len(plan)
     return ManyTouches(
         q.reshape(-1, count, q.shape[1]), hit.reshape(-1, count), np.array([face.normal for face in faces]),
-        np.array([face.offset for face in faces]), touch_sigma(cell, plan.face),
+        np.array([face.offset for face in faces]), np.hypot(cell.touch.sigma, [face.tolerance for face in faces]),
     )  # fmt: skip
 
 

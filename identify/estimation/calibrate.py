@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.estimation.diagnosis import diagnose
 from identify.estimation.folds import regions
-from identify.estimation.problem import CalibrationFailed, Estimate, Problem
+from identify.estimation.problem import CalibrationFailed, Estimate, Problem, with_face_scatter
 from identify.estimation.selection import select, with_errors
 from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration, Residual, Term, fingerprints, summarize
@@ -39,7 +39,8 @@ def calibrate(
     touches cannot determine the parameters, and CalibrationFailed where Ipopt does not converge.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    problem = Problem.pose(cell, rows(cell.wire, measured, cell.robot.temperature), loss, priors, eliminate)
+    equations = with_face_scatter(cell, rows(cell.wire, measured, cell.robot.temperature))
+    problem = Problem.pose(cell, equations, loss, priors, eliminate)
     choice: tuple[Term, ...] = ()
     if choose:
         selection = select(problem, rng)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.estimation.problem import with_face_scatter
 from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration, Errors, Residual, fingerprints, summarize
 from identify.model.jig import Face, Jig
@@ -76,7 +77,8 @@ class _Search:
         self.free = free(self.cell)
         self.prior = self.cell.prior[self.free]
         self.model = measurement_model(self.cell.robot)
-        self.rows = rows(self.cell.wire, [self.touches], self.cell.robot.temperature)
+        found = rows(self.cell.wire, [self.touches], self.cell.robot.temperature)
+        self.rows = with_face_scatter(self.cell, found)
         self.rough = np.arange(len(faces)) >= len(self.cell.jig.faces)
         self.names = tuple(f.name for f in faces)
         self.normal, self.offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])

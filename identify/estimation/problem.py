@@ -1,7 +1,7 @@
 """The least squares problem of a cell and its touches: which parameters, what start, what agrees, how it is solved."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -26,6 +26,13 @@ from identify.model.measurement import Rows, measurement_model
 PART = 8192  # rows handled at a time
 FALSE_ALARM = 0.01  # chance that one of all good touches is called an outlier
 SURE = 0.98  # of the limit of an outlier: closer to it a robust fit decides
+
+
+def with_face_scatter(cell: Cell, rows: Rows) -> Rows:
+    """Rows whose scatter holds the tolerance of the face: until faces are unknowns here, they count as noise."""
+    faces = {} if cell.jig is None else cell.jig.by_name
+    tolerance = [faces[name].tolerance if name in faces else 0.0 for name in rows.face]
+    return replace(rows, sigma=np.hypot(rows.sigma, tolerance)) if tolerance else rows
 
 
 class CalibrationFailed(RuntimeError):

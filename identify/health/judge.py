@@ -196,12 +196,11 @@ def _lowest(touches: int, ranks: tuple[int, ...], bases: bytes) -> Float[np.ndar
 
 
 def _shared(calibration: Calibration, touches: Touches) -> Float[np.ndarray, "touches touches"]:
-    """What touches on one face share, beside what each has: by how much the face is off its drawing [mm^2]."""
+    """What touches on one face share: by how much the face is off its drawing [mm^2]."""
     faces = {} if calibration.cell.jig is None else calibration.cell.jig.by_name
     names = np.array(touches.face)
     tolerance = np.array([faces[name].tolerance if name in faces else 0.0 for name in touches.face])
-    same = (names[:, None] == names) & ~np.eye(len(names), dtype=bool)
-    return np.where(same, np.outer(tolerance, tolerance), 0.0)
+    return np.where(names[:, None] == names, np.outer(tolerance, tolerance), 0.0)
 
 
 def _findings(check: _Check, fits: list[_Fit]) -> tuple[Finding, ...]:

@@ -39,7 +39,7 @@ class Touches(Table):
     q: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
     normal: Float[np.ndarray, "touches 3"]  # outward, in the jig frame
     offset: Float[np.ndarray, " touches"]  # [mm]
-    sigma: Float[np.ndarray, " touches"]  # [mm], repeatability and jig tolerance in quadrature
+    sigma: Float[np.ndarray, " touches"]  # [mm], of the contact along the normal, not of the place of the face
     status: tuple[str, ...]
     temperature: Float[np.ndarray, " touches"]  # [degC], NaN where not read
     time: tuple[str, ...]

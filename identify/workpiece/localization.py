@@ -142,11 +142,10 @@ def _contacts(calibration: Calibration, touches: Touches) -> Contacts:
 
 
 def _faces(workpiece: Jig, touches: Touches) -> Float[np.ndarray, "touches touches"]:
-    """What touches on one face share, beside what each has: by how much the face is off its drawing [mm^2]."""
+    """What touches on one face share: by how much the face is off its drawing [mm^2]."""
     names = np.array(touches.face)
     tolerance = np.array([workpiece.by_name[name].tolerance if name in workpiece.by_name else 0.0 for name in names])
-    same = (names[:, None] == names) & ~np.eye(len(names), dtype=bool)
-    return np.where(same, np.outer(tolerance, tolerance), 0.0)
+    return np.where(names[:, None] == names, np.outer(tolerance, tolerance), 0.0)
 
 
 def _robot(calibration: Calibration, touches: Touches, at: Placement) -> Float[np.ndarray, "touches touches"]:

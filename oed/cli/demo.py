@@ -112,7 +112,7 @@ def _calibrated(
         )  # fmt: skip
         _unseen(folder, done.calibration, truth, seed)
     made = reduce(joined, (stage.touches for stage in done.stages))
-    write_text(folder / "touches.csv", touches_text(made, cell.robot, cell.jig))
+    write_text(folder / "touches.csv", touches_text(made, cell.robot))
     inputs = _hashes(folder, "cell.yaml", "touches.csv")
     found = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs)
     write_calibration(folder / "calibration.json", found)
@@ -158,7 +158,7 @@ def _unseen(folder: Path, known: Calibration, truth: Truth, seed: int) -> None:
     plan = kept.keep_plan(1, drawn, length) if made is None else made[0]
     job = Job(1, believed(cell, known.theta), plan, True, 0.0)
     found = _toucher(kept.path, cell, truth, seed + UNSEEN)(job)
-    write_text(folder / "unseen.csv", touches_text(found, cell.robot, cell.jig))
+    write_text(folder / "unseen.csv", touches_text(found, cell.robot))
     q = zone_poses(cell, known.theta, UNSEEN, rng=rng)
     point = cell.kinematics.tip(q, truth.theta)[0] + cell.touch.sigma * rng.standard_normal((UNSEEN, 3))
     measured = Positions(tuple(f"p{i + 1}" for i in range(UNSEEN)), q, point, np.full(UNSEEN, cell.touch.sigma))

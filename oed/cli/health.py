@@ -143,8 +143,8 @@ def _expected(identified: Calibration, made: Plan) -> Touches:
     cell, none = identified.cell, np.full(len(made), np.nan)
     assert cell.jig is not None  # read_plan or the planner has found its faces
     faces = [cell.jig.by_name[name] for name in made.face]
-    sigma = np.hypot(cell.touch.sigma, [face.tolerance for face in faces])
-    offset, blank = np.array([face.offset for face in faces]), ("",) * len(made)
+    offset, sigma = np.array([face.offset for face in faces]), np.full(len(made), cell.touch.sigma)
+    blank = ("",) * len(made)
     return Touches(made.ids, made.face, made.q, made.normal, offset, sigma, blank, none, blank, blank)
 
 

@@ -185,7 +185,7 @@ def _corrected(session: Session, output: Path) -> Delay | None:
     except InputError:  # fewer than three pairs tell nothing
         return None
     touches = without_delay(session.results.values(), session.cell, delay.seconds)
-    write_text(_beside(output), touches_text(touches, session.cell.robot, session.cell.jig))
+    write_text(_beside(output), touches_text(touches, session.cell.robot))
     return delay
 
 

@@ -63,7 +63,7 @@ def without_delay(results: Iterable[Result], cell: Cell, delay: float) -> Touche
         q=np.array([r.reading.q - delay * r.reading.velocity for r in moved]).reshape(-1, joints),
         normal=np.array([faces[r.face].normal for r in moved]).reshape(-1, 3),
         offset=np.array([faces[r.face].offset for r in moved]),
-        sigma=np.array([np.hypot(cell.touch.sigma, faces[r.face].tolerance) for r in moved]),
+        sigma=np.full(len(moved), cell.touch.sigma),
         status=(HIT,) * len(moved),
         temperature=np.array([r.temperature for r in moved]),
         time=tuple(r.time for r in moved),

@@ -104,7 +104,7 @@ def _touches(
     return Touches(
         ids=plan.ids, face=plan.face, q=q, normal=np.array([f.normal for f in known]).reshape(-1, 3)[where],
         offset=np.array([f.offset for f in known])[where],
-        sigma=np.hypot(cell.touch.sigma, np.array([f.tolerance for f in known])[where]),
+        sigma=np.full(len(plan), cell.touch.sigma),
         status=tuple(np.where(early, "early", np.where(hit, HIT, "miss")).tolist()),
         temperature=truth.temperature(np.arange(len(plan))), time=("",) * len(plan), note=tuple(note.tolist()),
         approach=plan.approach,

@@ -54,10 +54,9 @@ def latched(calibration, workpiece, base_T_workpiece, face, q, theta, rng, sigma
 def touches_of(workpiece: Jig, face, q, sigma, **changes) -> Touches:
     """Touches as they are read from touches.csv."""
     faces, m = workpiece.by_name, len(face)
-    tolerance = np.array([faces[name].tolerance for name in face])
     made = Touches(
         tuple(f"t{i + 1}" for i in range(m)), tuple(face), q, np.stack([faces[name].normal for name in face]),
-        np.array([faces[name].offset for name in face]), np.hypot(sigma, tolerance), (HIT,) * m,
+        np.array([faces[name].offset for name in face]), np.full(m, sigma), (HIT,) * m,
         np.full(m, np.nan), ("",) * m, ("",) * m,
     )  # fmt: skip
     return replace(made, **changes)

@@ -12,7 +12,6 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.files import Sheet, read_sheet, read_text, sheet_text
-from identify.model.jig import Jig
 from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
 
@@ -47,14 +46,14 @@ def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touche
             sheet.wrong(row, f"status is {value!r}, expected one of {', '.join(STATUSES)}")
     sheet = _rows(sheet, hit)
     q = _joints(sheet, cell.robot, trust_units)
-    face, normal, offset, tolerance = _planes(sheet, cell, trust_units)
+    face, normal, offset = _planes(sheet, cell, trust_units)
     sigma = _sigma(sheet, cell.touch.sigma)
     temperature = _optional(sheet, "temperature_c")
     approach = np.column_stack([_optional(sheet, name) for name in joint_columns(cell.robot, APPROACH)])
     sheet.stop()
     kept = [i for i, use in zip(ids, hit, strict=True) if use]
     return Touches(
-        ids=tuple(kept), face=tuple(face), q=q, normal=normal, offset=offset, sigma=np.hypot(sigma, tolerance),
+        ids=tuple(kept), face=tuple(face), q=q, normal=normal, offset=offset, sigma=sigma,
         status=(HIT,) * len(kept), temperature=temperature, time=tuple(sheet.text("time")),
         note=tuple(sheet.text("note")), approach=cell.robot.from_controller(approach),
     )  # fmt: skip
@@ -128,11 +127,8 @@ def plan_text(plan: Plan, robot: Robot) -> str:
     return sheet_text(columns)
 
 
-def touches_text(touches: Touches, robot: Robot, jig: Jig | None = None) -> str:
-    """Touches as the text of touches.csv; a plane is written as numbers only where no face names it.
-
-    The scatter of a touch on a named face is written where the jig is given: without its tolerance, which reading adds.
-    """
+def touches_text(touches: Touches, robot: Robot) -> str:
+    """Touches as the text of touches.csv; a plane is written as numbers only where no face names it."""
     named = np.array([bool(name) for name in touches.face], dtype=bool)
     plane = np.column_stack([touches.normal, touches.offset])
     plane[named] = np.nan
@@ -140,10 +136,7 @@ def touches_text(touches: Touches, robot: Robot, jig: Jig | None = None) -> str:
         "id": touches.ids, "time": touches.time, "status": touches.status, "face": touches.face,
     }  # fmt: skip
     columns |= dict(zip(PLANE, plane.T, strict=True))
-    faces = {} if jig is None else jig.by_name
-    tolerance = np.array([faces[name].tolerance if name in faces else np.nan for name in touches.face])
-    own = np.where(named, touches.sigma**2 - tolerance**2, touches.sigma**2)
-    columns["sigma_mm"] = np.sqrt(own, where=own > 0, out=np.full(len(touches), np.nan))
+    columns["sigma_mm"] = touches.sigma
     columns |= dict(zip(joint_columns(robot), robot.to_controller(touches.q).T.round(9), strict=True))
     columns |= {"temperature_c": touches.temperature, "note": touches.note}
     begun = np.full_like(touches.q, np.nan) if touches.approach is None else touches.approach
@@ -194,16 +187,16 @@ def _sigma(sheet: Sheet, default: float) -> np.ndarray:
 
 def _planes(
     sheet: Sheet, cell: Cell, trust_units: bool
-) -> tuple[list[str], Float[np.ndarray, "rows 3"], Float[np.ndarray, " rows"], Float[np.ndarray, " rows"]]:
-    """Face names, normals, offsets and tolerances; a row names a face or gives a plane, not both."""
+) -> tuple[list[str], Float[np.ndarray, "rows 3"], Float[np.ndarray, " rows"]]:
+    """Face names, normals and offsets; a row names a face or gives a plane, not both."""
     face = sheet.text("face")
     given = np.column_stack([_optional(sheet, name) for name in PLANE])
     faces = {} if cell.jig is None else cell.jig.by_name
-    plane, tolerance = given.copy(), np.zeros(len(face))
+    plane = given.copy()
     for row, name in enumerate(face):
         if name in faces:
             known = faces[name]
-            plane[row], tolerance[row] = (*known.normal, known.offset), known.tolerance
+            plane[row] = (*known.normal, known.offset)
         elif name:
             sheet.wrong(row, cell.unknown_face(name))
         elif np.isnan(given[row]).any():
@@ -219,4 +212,4 @@ def _planes(
         sheet.at(
             0, "no plane lies further than 5 mm from the jig's origin: metres? write millimetres, or say --trust-units"
         )
-    return face, plane[:, :3], plane[:, 3], tolerance
+    return face, plane[:, :3], plane[:, 3]

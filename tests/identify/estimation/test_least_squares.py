@@ -31,7 +31,7 @@ def made(arc_welder, robots, plan):
 def of_one(made, robot, plan):
     """The touches of one robot, as a file would hold them."""
     m, blank = len(plan), ("",) * len(plan)
-    whole = Touches(plan.ids, plan.face, made.q[robot], made.normal, made.offset, made.sigma, (HIT,) * m,
+    whole = Touches(plan.ids, plan.face, made.q[robot], made.normal, made.offset, np.full(m, 0.05), (HIT,) * m,
                     np.full(m, np.nan), blank, blank)  # fmt: skip
     return whole.take(made.hit[robot])
 

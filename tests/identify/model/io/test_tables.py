@@ -71,8 +71,7 @@ def test_touches_that_happened_are_read_with_their_planes(write, arc_welder):
     np.testing.assert_allclose(np.degrees(touches.q[0]), [10, -20, 30.5, 40, 50, 60])
     np.testing.assert_allclose(touches.normal, [[0, 0, 1], [0, 0.6, -0.8], [1, 0, 0]])
     np.testing.assert_allclose(touches.offset, [100, 120.5, 350])
-    # the cell's 0.05 where the row says nothing; a face adds its tolerance of 0.02 in quadrature
-    np.testing.assert_allclose(touches.sigma, [np.hypot(0.05, 0.02), 0.1, np.hypot(0.03, 0.02)])
+    np.testing.assert_allclose(touches.sigma, [0.05, 0.1, 0.03])  # the cell's 0.05 if the row says nothing
     np.testing.assert_array_equal(touches.temperature, [21.5, np.nan, np.nan])
     assert touches.note == ("first", "", "a note, with a comma")
 
@@ -338,7 +337,7 @@ def touch_tables(draw):
     offset, sigma = draw(arrays(float, n, elements=st.floats(-2e3, 2e3))), draw(arrays(float, n, elements=sizes))
     for i, known in enumerate(JIG.by_name.get(name) for name in face):
         if known:
-            normal[i], offset[i], sigma[i] = known.normal, known.offset, np.hypot(sigma[i], known.tolerance)
+            normal[i], offset[i] = known.normal, known.offset
     temperature = draw(arrays(float, n, elements=st.floats(-50, 90) | st.just(np.nan)))
     texts = [tuple(draw(st.lists(text, min_size=n, max_size=n))) for _ in range(2)]
     q = draw(matrix(n, len(cell.robot.joints), -7, 7)) * cell.robot.upper
@@ -350,7 +349,7 @@ def touch_tables(draw):
 def test_touches_that_are_written_are_read_again(write, table):
     cell, touches = table
 
-    again = read_touches(write(touches_text(touches, cell.robot, cell.jig)), cell, trust_units=True)
+    again = read_touches(write(touches_text(touches, cell.robot)), cell, trust_units=True)
 
     assert (again.ids, again.face, again.time, again.note) == (touches.ids, touches.face, touches.time, touches.note)
     np.testing.assert_allclose(again.q, touches.q, rtol=0, atol=1e-9)  # written to 1e-9 degrees or mm
@@ -366,9 +365,9 @@ def test_a_plane_is_written_as_numbers_only_where_no_face_names_it(write, arc_we
     rows = list(csv.DictReader(io.StringIO(touches_text(touches, arc_welder.robot))))
 
     assert [[row[key] for key in ("face", "nz", "offset_mm", "sigma_mm")] for row in rows] == [
-        ["top-low", "", "", ""],
+        ["top-low", "", "", "0.05"],
         ["", "-0.8", "120.5", "0.1"],
-        ["right-low", "", "", ""],
+        ["right-low", "", "", "0.03"],
     ]
 
 
