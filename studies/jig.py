@@ -72,9 +72,8 @@ _EMPTY: dict[str, Any] = {
 
 def _faces(rng: np.random.Generator, name: str, count: int, robots: int, steps: int) -> list[dict[str, Any]]:
     cell = arc_welder()
-    assert cell.jig is not None
     made = offer(cell, rng, count=count)
-    names, of = list(cell.jig.by_name), np.array(made.found.names())
+    names, of = list(cell.the_jig.by_name), np.array(made.found.names())
     sets = {"all faces": names} | {f"without {face}": [n for n in names if n != face] for face in names}
     sets |= {"three faces": list(THREE)}
     sets |= {f"three and {face}": [*THREE, face] for face in names if face not in THREE}

@@ -50,9 +50,8 @@ def draw_many(
 
 def draw_faces(cell: Cell, plan: Plan, robots: int, rng: np.random.Generator) -> Float[np.ndarray, "robots touches"]:
     """By how much the touched faces of each robot's jig stand proud of their drawing [mm], by their tolerances."""
-    assert cell.jig is not None
-    proud = rng.standard_normal((robots, len(cell.jig.faces))) * [face.tolerance for face in cell.jig.faces]
-    names = [face.name for face in cell.jig.faces]
+    proud = rng.standard_normal((robots, len(cell.the_jig.faces))) * [face.tolerance for face in cell.the_jig.faces]
+    names = [face.name for face in cell.the_jig.faces]
     return proud[:, [names.index(name) for name in plan.face]]
 
 
@@ -65,13 +64,12 @@ def touch_many(
     Each touch searches along the planned way and stops at the first thing that it meets (`first_contact`). Contacts
     scatter by `sigma` [mm] along the normal (default: the cell's); faces stand `proud` of their drawing.
     """
-    assert cell.jig is not None
     robots, count = len(theta), len(plan)
     end = search_end(cell, plan)
     start = np.tile(plan.approach, (robots, 1))
     paths = Paths(start, np.tile(end, (robots, 1)), np.repeat(theta, count, axis=0))
     shift = _shift(cell, (robots, count), rng, sigma, proud)
-    surface = surfaces(cell.jig, cell.wire)
+    surface = surfaces(cell.the_jig, cell.wire)
     intervals = int(np.ceil(1.25 * cell.touch.travel / INTERVAL))
     fraction, met, early = first_contact(cell.kinematics, surface, paths, shift.ravel(), intervals)
     names = np.array([*surface.names, ""])
@@ -88,12 +86,11 @@ def touch_every(
     The planned way is followed, forwards or backwards, to where the wire meets the plane of its face; a way that never
     does is a miss.
     """
-    assert cell.jig is not None
     robots, count = len(theta), len(plan)
     shift = _shift(cell, (robots, count), rng, sigma, proud).ravel()
     start, way = np.tile(plan.approach, (robots, 1)), np.tile(plan.q - plan.approach, (robots, 1))
     paths = Paths(start, start + way, np.repeat(theta, count, axis=0))
-    surface, rows = surfaces(cell.jig, cell.wire), np.arange(robots * count)
+    surface, rows = surfaces(cell.the_jig, cell.wire), np.arange(robots * count)
     face = np.tile([surface.names.index(name) for name in plan.face], robots)
 
     def gap(fraction: np.ndarray) -> np.ndarray:
@@ -120,8 +117,7 @@ def _shift(
 
 def _made(cell: Cell, plan: Plan, q: np.ndarray, hit: np.ndarray) -> ManyTouches:
     """The table of touches whose rows stand robot by robot."""
-    assert cell.jig is not None
-    faces, count = [cell.jig.by_name[name] for name in plan.face], len(plan)
+    faces, count = [cell.the_jig.by_name[name] for name in plan.face], len(plan)
     return ManyTouches(
         q.reshape(-1, count, q.shape[1]), hit.reshape(-1, count), np.array([face.normal for face in faces]),
         np.array([face.offset for face in faces]), np.hypot(cell.touch.sigma, [face.tolerance for face in faces]),

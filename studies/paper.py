@@ -105,8 +105,7 @@ def _residuals(q: np.ndarray, planned: Plan, theta: np.ndarray) -> np.ndarray:
 
 def _rows(q: np.ndarray, planned: Plan, radius: float | None = None) -> Rows:
     cell, made = arc_welder(), planned
-    assert cell.jig is not None
-    offset = np.array([cell.jig.by_name[name].offset for name in made.face])
+    offset = np.array([cell.the_jig.by_name[name].offset for name in made.face])
     m = len(made)
     return Rows(
         q,

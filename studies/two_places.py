@@ -48,8 +48,7 @@ def second_places(
 ) -> Iterator[Case]:
     """The first place alone, and with the second called `name`, known exactly or not."""
     cell, at = arc_welder(), _place(name)
-    assert cell.jig is not None
-    here, there = (offer(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.jig, at))))
+    here, there = (offer(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.the_jig, at))))
     tip, prior, pose_rows = here.known.tip_rows(zone), here.known.precision, _pose_rows(there, at)
     unknown = _joined(prior, np.eye(6))
     nothing, wider = np.zeros((len(here.rows), 6)), np.pad(tip, ((0, 0), (0, 0), (0, 6)))

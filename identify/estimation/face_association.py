@@ -72,14 +72,13 @@ class _Search:
     touches: Touches
 
     def __post_init__(self) -> None:
-        assert self.cell.jig is not None
-        faces = (*self.cell.jig.faces, *_sides(self.cell.jig))
+        faces = (*self.cell.the_jig.faces, *_sides(self.cell.the_jig))
         self.free = free(self.cell)
         self.prior = self.cell.prior[self.free]
         self.model = measurement_model(self.cell.robot)
         found = rows(self.cell.wire, [self.touches], self.cell.robot.temperature)
         self.rows = with_face_scatter(self.cell, found)
-        self.rough = np.arange(len(faces)) >= len(self.cell.jig.faces)
+        self.rough = np.arange(len(faces)) >= len(self.cell.the_jig.faces)
         self.names = tuple(f.name for f in faces)
         self.normal, self.offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])
         self.origin, self.size = np.stack([f.origin for f in faces]), np.stack([f.size for f in faces])

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.files import nearest
+from identify.model.files import InputError, nearest
 from identify.model.jig import Jig
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot
@@ -133,6 +133,13 @@ class Cell:
     def kinematics(self) -> Kinematics:
         """The compiled kinematics of the robot."""
         return Kinematics(self.robot)
+
+    @property
+    def the_jig(self) -> Jig:
+        """The jig; raises InputError if the cell has none."""
+        if self.jig is None:
+            raise InputError("the cell has no jig; name one in cell.yaml (jig: library:step-block)")
+        return self.jig
 
     def unknown_face(self, name: str) -> str:
         """The sentence for a face that the jig does not have."""

@@ -198,8 +198,7 @@ def touch_sigma(cell: Cell, faces: Sequence[str]) -> Float[np.ndarray, " touches
 
 def face_tolerance(cell: Cell, faces: Sequence[str]) -> Float[np.ndarray, " touches"]:
     """Standard deviations of where named faces stand [mm]."""
-    assert cell.jig is not None
-    return np.array([cell.jig.by_name[name].tolerance for name in faces])
+    return np.array([cell.the_jig.by_name[name].tolerance for name in faces])
 
 
 def tip_errors(tip: Float[np.ndarray, "poses 3 kept"], covariance: Float[np.ndarray, "kept kept"]) -> TipErrors:

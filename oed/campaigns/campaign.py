@@ -302,8 +302,7 @@ class _Loop:
 
     def _reason(self, floor: float) -> str:
         """What keeps the error up, in words."""
-        assert self.cell.jig is not None
-        tolerance = max(face.tolerance for face in self.cell.jig.faces)
+        tolerance = max(face.tolerance for face in self.cell.the_jig.faces)
         return (
             f"promised are {self.promised:.3f} mm; {floor:.3f} mm would stay however many are made, because the faces "
             f"of the jig stand where they should to {tolerance:g} mm (1 sigma); the rest is the scatter of a touch, "

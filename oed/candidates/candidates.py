@@ -134,10 +134,9 @@ class _Search:
         explored: int,
         rng: np.random.Generator,
     ) -> None:
-        assert cell.jig is not None
         self.cell, self.theta, self.rng = cell, theta, rng
         self.regular = regular
-        self.faces = cell.jig.faces
+        self.faces = cell.the_jig.faces
         size = np.stack([face.size for face in self.faces])
         edge = np.minimum(EDGE / size, 0.4)
         around = spread(cell, edge, explored // 2, rng).followed_by(structured(cell, edge, explored // 2, rng))

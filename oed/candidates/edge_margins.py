@@ -37,8 +37,7 @@ def margins(
     The deviation is that of J_tip theta for parameters of the given covariance, SIGMAS of it; the inset is no more
     than `share` of half the width of a face, and the search no longer than the cell allows.
     """
-    assert cell.jig is not None
-    faces = cell.jig.faces
+    faces = cell.the_jig.faces
     deviation = np.full((len(faces), 3), np.nan)
     root = _root(covariance)
     _, J = cell.kinematics.tip_jacobian(q, theta)
@@ -61,8 +60,7 @@ def _root(covariance: Float[np.ndarray, "parameters parameters"]) -> Float[np.nd
 
 def warnings(cell: Cell, found: Margins, touched: Bool[np.ndarray, " faces"]) -> tuple[str, ...]:
     """Sentences on faces that a robot as uncertain as this one may miss, and on searches that may not meet them."""
-    assert cell.jig is not None
-    faces, touch = cell.jig.faces, cell.touch
+    faces, touch = cell.the_jig.faces, cell.touch
     out = []
     wanted = SIGMAS * np.where(touched[:, None], found.deviation, 0.0)
     if len(missed := np.flatnonzero((wanted[:, :2] > found.inset + 1e-9).any(axis=1))):

@@ -66,13 +66,11 @@ class Feasibility:
 
     @cached_property
     def _owners(self) -> Bool[np.ndarray, "faces obstacles"]:
-        assert self.cell.jig is not None
-        return owners(self.cell.jig, self.clearance.solids)
+        return owners(self.cell.the_jig, self.clearance.solids)
 
     @cached_property
     def _frames(self) -> Float[np.ndarray, "faces 3 3"]:
-        assert self.cell.jig is not None
-        return np.stack([[f.u / f.size[0], f.v / f.size[1], f.normal] for f in self.cell.jig.faces])
+        return np.stack([[f.u / f.size[0], f.v / f.size[1], f.normal] for f in self.cell.the_jig.faces])
 
     def touch(
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
@@ -177,8 +175,9 @@ class Feasibility:
         inset: Float[np.ndarray, "touches 2"],
     ) -> Bool[np.ndarray, " touches"]:
         """Whether points lie over their faces, so far from the edges along u and v [mm]."""
-        assert self.cell.jig is not None
-        origin, size = (np.stack([getattr(f, key) for f in self.cell.jig.faces])[face] for key in ("origin", "size"))
+        origin, size = (
+            np.stack([getattr(f, key) for f in self.cell.the_jig.faces])[face] for key in ("origin", "size")
+        )
         place = np.einsum("mij,mj->mi", self._frames[face, :2], p - origin)
         return np.asarray(((place >= inset) & (place <= size - inset)).all(axis=1))
 
@@ -189,8 +188,7 @@ class Feasibility:
         wire: Float[np.ndarray, "touches 3"],
     ) -> Bool[np.ndarray, " touches"]:
         """Whether nothing is nearer to the bare wire than half its height over the face it is to touch, or WIRE."""
-        assert self.cell.jig is not None
-        offset = np.array([f.offset for f in self.cell.jig.faces])[face]
+        offset = np.array([f.offset for f in self.cell.the_jig.faces])[face]
         low = tip - STICKOUT / 3 * wire
         height = (low * self._frames[face, 2]).sum(axis=1) - offset
         need = np.minimum(WIRE, height / 2)
@@ -211,11 +209,10 @@ def unreached(feasibility: Feasibility, tally: Int[np.ndarray, "faces infeasibil
 
 def _refused(feasibility: Feasibility, i: int, counts: Int[np.ndarray, " infeasibilities"]) -> str:
     """The face is reached, but no touch of it can be made."""
-    assert feasibility.cell.jig is not None
     order = sorted(Infeasibility, key=lambda v: -counts[v])
     most = [v for v in order if counts[v] >= 0.01 * counts.sum()]
     shares = ", ".join(f"{counts[v] / counts.sum():.0%} {FAILURES[v]}" for v in most)
-    face = feasibility.cell.jig.faces[i]
+    face = feasibility.cell.the_jig.faces[i]
     narrow = f"; it is only {face.size.min():.0f} mm wide" if face.size.min() < 4 * EDGE else ""
     return f"face '{face.name}' cannot be touched: of {counts.sum()} postures that reach it, {shares}{narrow}."
 
@@ -223,8 +220,7 @@ def _refused(feasibility: Feasibility, i: int, counts: Int[np.ndarray, " infeasi
 def _unreached(feasibility: Feasibility, i: int) -> str:
     """No posture within the limits of joints and tilt brings the tip to the face: how far off it stays."""
     cell = feasibility.cell
-    assert cell.jig is not None
-    face, robot = cell.jig.faces[i], cell.robot
+    face, robot = cell.the_jig.faces[i], cell.robot
     s, t = (x.ravel() for x in np.meshgrid([0.1, 0.5, 0.9], [0.1, 0.5, 0.9]))
     point = np.repeat(face.point(s, t), STARTS, axis=0)
     start = np.random.default_rng(4).uniform(robot.lower, robot.upper, (len(point), len(robot.joints)))

@@ -72,8 +72,7 @@ def targets(
 
 def spread(cell: Cell, inset: Float[np.ndarray, "faces 2"], count: int, rng: np.random.Generator) -> Targets:
     """Contacts filling faces, tilts and turns evenly (additive recurrence, Roberts 2018); `inset` in fractions."""
-    assert cell.jig is not None
-    faces = cell.jig.faces
+    faces = cell.the_jig.faces
     x = (rng.random(5) + np.arange(count)[:, None] * _steps(5)) % 1
     face = rng.permutation(count) % len(faces)
     tilt = np.arccos(1 - x[:, 2] * (1 - np.cos(cell.touch.max_tilt - HAIR)))  # even over the cap of directions
@@ -95,8 +94,7 @@ def structured(cell: Cell, inset: Float[np.ndarray, "faces 2"], count: int, rng:
     Corners get a ring of the steepest wires, a ring inside of it and the upright wire; edges and middles the steepest
     ring. Rings and turns begin anywhere, so that further calls fill the gaps.
     """
-    assert cell.jig is not None
-    faces, steep = cell.jig.faces, cell.touch.max_tilt - HAIR
+    faces, steep = cell.the_jig.faces, cell.touch.max_tilt - HAIR
     k = max(4, round(np.sqrt(count / len(faces) / 6.5)))
     parts = [
         _ring(len(faces), CORNERS, k, k, (steep, steep), rng),

@@ -91,8 +91,9 @@ def _shapes(cell: Cell) -> list[str]:
 
 
 def _sides(cell: Cell) -> str:
-    assert cell.jig is not None
-    sides = {"+-"[int(n.max() < -n.min())] + "xyz"[int(abs(n).argmax())] for n in (f.normal for f in cell.jig.faces)}
+    sides = {
+        "+-"[int(n.max() < -n.min())] + "xyz"[int(abs(n).argmax())] for n in (f.normal for f in cell.the_jig.faces)
+    }
     return "looking along " + ", ".join(sorted(sides))
 
 

@@ -141,8 +141,7 @@ def _tell_plan(identified: Calibration, made: Plan, output: Path, alarm: float, 
 def _expected(identified: Calibration, made: Plan) -> Touches:
     """Touches as they would be read, were every contact where it is planned."""
     cell, none = identified.cell, np.full(len(made), np.nan)
-    assert cell.jig is not None  # read_plan or the planner has found its faces
-    faces = [cell.jig.by_name[name] for name in made.face]
+    faces = [cell.the_jig.by_name[name] for name in made.face]
     offset, sigma = np.array([face.offset for face in faces]), np.full(len(made), cell.touch.sigma)
     blank = ("",) * len(made)
     return Touches(made.ids, made.face, made.q, made.normal, offset, sigma, blank, none, blank, blank)

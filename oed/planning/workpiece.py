@@ -97,7 +97,6 @@ def chosen(
 def _open(cell: Cell, after: Calibration) -> Calibration:
     """What a calibration tells of links and tool; where the workpiece stands is open within the base's tolerance."""
     assert cell.base is not None
-    assert cell.jig is not None
     names = [name for name in cell.robot.parameters if name.startswith("base.")]
     links = [k for k, name in enumerate(after.estimated) if not name.startswith("base.")]
     size = len(names) + len(links)
@@ -112,8 +111,7 @@ def _open(cell: Cell, after: Calibration) -> Calibration:
 
 def _tolerance(cell: Cell, base: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "6 6"]:
     """Covariance of the base's pose as the workpiece sees it: the workpiece may stand off and turned about itself."""
-    assert cell.jig is not None
-    point = cell.jig.corners
+    point = cell.the_jig.corners
     middle = (point.min(axis=0) + point.max(axis=0)) / 2
     to_middle = transform(np.concatenate([middle, np.zeros(3)]))
     seen = inverse(to_middle) @ transform(base)
@@ -126,8 +124,7 @@ def _tolerance(cell: Cell, base: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "
 def _motions(offered: Offer) -> Float[np.ndarray, "corners 3 kept"]:
     """How the corners of the faces move with the parameters that say where the base stands, whitened [mm]."""
     known, base = offered.known, offered.known.theta[:6]
-    assert known.cell.jig is not None
-    corner = known.cell.jig.corners
+    corner = known.cell.the_jig.corners
     fixed = inverse(transform(base)) @ np.column_stack([corner, np.ones(len(corner))])[..., None]  # in the base's frame
     G = np.zeros((len(corner), 3, len(known.names)))
     for k, (name, i) in enumerate(zip(known.names, known.kept, strict=True)):

@@ -101,13 +101,11 @@ class Refinement:
 
     @cached_property
     def _normal(self) -> Float[np.ndarray, "faces 3"]:
-        assert self.known.cell.jig is not None
-        return np.stack([face.normal for face in self.known.cell.jig.faces])
+        return np.stack([face.normal for face in self.known.cell.the_jig.faces])
 
     @cached_property
     def _offset(self) -> Float[np.ndarray, " faces"]:
-        assert self.known.cell.jig is not None
-        return np.array([face.offset for face in self.known.cell.jig.faces])
+        return np.array([face.offset for face in self.known.cell.the_jig.faces])
 
     def _foot(
         self, face: Int[np.ndarray, " trials"], p: Float[np.ndarray, "trials 3"]

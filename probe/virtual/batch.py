@@ -41,7 +41,7 @@ def touch_batch(
     effects, count = truth.effects, len(plan)
     if sigma is None:
         sigma = cell.touch.sigma if effects.sigma is None else effects.sigma
-    surface = surfaces(cell.jig, cell.wire, dict(truth.faces))
+    surface = surfaces(cell.the_jig, cell.wire, dict(truth.faces))
     end = search_end(cell, plan)
     shift = sigma * rng.standard_normal(count)
     paths = _true_paths(cell, truth, plan.approach, end, rng)
@@ -93,8 +93,7 @@ def _touches(
     cell: Cell, truth: Truth, plan: Plan, q: Float[np.ndarray, "touches joints"], met: np.ndarray,
     found: Bool[np.ndarray, " touches"], early: Bool[np.ndarray, " touches"], blind: bool,
 ) -> Touches:  # fmt: skip
-    assert cell.jig is not None
-    faces = cell.jig.by_name
+    faces = cell.the_jig.by_name
     planned = np.array(plan.face)
     names, where = np.unique(planned, return_inverse=True)
     known = [faces[name] for name in names]
