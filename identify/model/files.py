@@ -3,10 +3,12 @@
 import csv
 import hashlib
 import io
+import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +86,11 @@ def write_bytes(path: Path, content: bytes) -> None:
         raise InputError(
             [Mistake(str(path), 0, f"cannot be written: {error.strerror}; choose another place with -o")]
         ) from None
+
+
+def write_json(path: Path, entry: Mapping[str, Any], inputs: Mapping[str, str]) -> None:
+    """Write an entry, with what made it: the version of touchcal, and the hashes of the files that were read."""
+    write_text(path, json.dumps({"touchcal": version("touchcal"), "inputs": dict(inputs), **entry}, indent=1) + "\n")
 
 
 def _umask() -> int:

@@ -2,6 +2,8 @@
 
 In the order in which data walks through:
 
-    campaign  the loop: touch, identify, plan the next touches, until the promise is good
-    folder    the stages of a campaign as files in a folder, and their touches made over a port
+    campaign       the loop: touch, identify, plan the next touches, until the promise is good
+    connection     from a port and a protocol to a session of touches
+    folder         the stages of a campaign as files in a folder, and their touches made over a port
+    demonstration  the whole loop on the embedded virtual robot
 """

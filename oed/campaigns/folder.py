@@ -1,7 +1,7 @@
 """The stages of a campaign as files in a folder, and their touches made over a port."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, closing
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from csv import DictReader
 from dataclasses import replace
 from hashlib import sha256
@@ -10,21 +10,40 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.files import InputError, Mistake, digest, read_text, write_text
+from identify.model.files import InputError, Mistake, digest, read_text, write_json, write_text
 from identify.model.io.calibration_file import Calibration, write_calibration
 from identify.model.io.entries import cell_entry
 from identify.model.io.tables import plan_text, read_plan, read_touches
 from identify.model.touch import HIT, Plan, Touches, joined
 from oed.campaigns.campaign import Job
-from oed.cli import sim
-from oed.cli.plan import write_summary
-from probe import Session, Settings, open_controller, run
-from probe.line.clock import Clock
+from oed.campaigns.connection import Connection, Touching
+from probe import Settings
 from probe.line.controller import InTheWay, TouchError
 from probe.runs.events import Listener, ignore
+from probe.runs.lock import Lock
+
+
+@contextmanager
+def only_one(folder: Path) -> Iterator[None]:
+    """The folder, for one campaign at a time; a disk that is full or read-only is said in one sentence."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made: {error.strerror}; choose another folder with -o") from None
+    lock = Lock(folder / "campaign.lock")
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.strerror is None:
+            raise
+        raise InputError(
+            f"{error.filename or folder}: cannot be written: {error.strerror}; make room, then give the same command "
+            "again: it goes on where it stopped"
+        ) from None
+    finally:
+        lock.release()
 
 
 class Folder:
@@ -56,7 +75,7 @@ class Folder:
         path = self.path / f"plan-{number}.csv"
         write_text(path, plan_text(plan, self.cell.robot))
         noted = told | {"cell": fingerprint(self.cell), "touches": len(plan)}
-        write_summary(path.with_suffix(".json"), noted, self.inputs | {path.name: digest(path)})
+        write_json(path.with_suffix(".json"), noted, self.inputs | {path.name: digest(path)})
         return read_plan(path, self.cell)
 
     def keep_calibration(self, number: int, calibration: Calibration) -> None:
@@ -96,12 +115,12 @@ def _read(path: Path, cell: Cell, plan: Plan) -> Touches:
     ))  # fmt: skip
 
 
-def _run(job: Job, controller: Any, session: Session, settings: Settings, tell: Listener, clock: Clock) -> None:
+def _run(job: Job, touching: Touching, settings: Settings, tell: Listener) -> None:
     """Make the touches; a search for the jig ends where it gets into the robot's way, and the next is planned anew."""
     try:
-        run(job.plan, controller, session, settings, tell=tell, clock=clock)
+        touching.run(settings, tell)
     except InTheWay:
-        if not (job.searching and session.hits()):
+        if not (job.searching and touching.session.hits()):
             raise
 
 
@@ -112,32 +131,21 @@ def as_campaigns_say(text: str) -> str:
 
 
 def over_port(
-    folder: Path, cell: Cell, port: Callable[[Job], AbstractContextManager[str]], protocol: str, settings: Settings,
-    clock: Clock,
-    tell: Listener = ignore, **line: Any,
-) -> Callable[[Job], Touches]:  # fmt: skip
+    folder: Path, cell: Cell, connection: Connection, settings: Settings, tell: Listener = ignore
+) -> Callable[[Job], Touches]:
     """What makes the touches of a job over a port, into touches-N.csv; one that was interrupted goes on."""
 
     def touch(job: Job) -> Touches:
         path = folder / f"touches-{job.number}.csv"
-        made = touches_of(path, cell, job.plan)
-        if made is None:
-            patient = replace(settings, misses=len(job.plan) + 1, retries=0) if job.searching else settings
-            try:
-                with (
-                    port(job) as url,
-                    closing(open_controller(url, protocol, cell.robot, clock=clock, **line)) as controller,
-                    Session(path, job.cell, job.plan, resume=True, clock=clock) as session,
-                ):
-                    _run(job, controller, session, patient, tell, clock)
-            except TouchError as error:
-                raise TouchError(as_campaigns_say(str(error))) from None
-            made = _read(path, cell, job.plan)
-        return made
+        touches = touches_of(path, cell, job.plan)
+        if touches is not None:
+            return touches
+        patient = replace(settings, misses=len(job.plan) + 1, retries=0) if job.searching else settings
+        try:
+            with connection.session(cell, job.cell, job.plan, path, resume=True) as touching:
+                _run(job, touching, patient, tell)
+        except TouchError as error:
+            raise TouchError(as_campaigns_say(str(error))) from None
+        return _read(path, cell, job.plan)
 
     return touch
-
-
-def standing(folder: Path, cell: Cell, job: Job) -> Float[np.ndarray, " joints"]:
-    """Where a virtual robot stands when a stage begins, or goes on."""
-    return sim.standing(folder / f"touches-{job.number}.journal", cell, job.plan)

@@ -3,15 +3,11 @@
 In the order in which data walks through:
 
     options     options that several commands share, and how results are printed
-    pages       what `--help` prints
-    unloaded    commands read for their help without loading what they work with
-    sim         ports of the commands that touch, and `sim`, the embedded virtual robot
-    live        touches as they are made, on the screen
+    screen      what a person sees: help, progress, touches as they are made
     demo        the whole loop on the embedded virtual robot
     init        a commented cell folder to start from
     check       the cell validated and compared with the pendant
     plan        touches chosen
-    workpiece   touches chosen that locate a workpiece
     run         touches made
     campaign    touches made, identified and planned by turns
     virtual     a virtual cell behind a port
@@ -64,19 +60,23 @@ DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errn
 
 def application() -> App:
     """The command line; the modules of commands are loaded when they are called for."""
-    app = App(name="touchcal", help_flags=(), version=_version, result_action="return_value")
+    app = App(
+        name="touchcal",
+        help_flags=(),
+        version=_version,
+        result_action="return_value",
+        suppress_keyboard_interrupt=False,
+    )
     for name in COMMANDS:
         app.command(f"oed.cli.{name}:{name}", name=name, help_flags=())
     return app
 
 
 def explain(name: str) -> int:
-    """Print the help of a command, or of all; a signature and a docstring tell it, so what works stays unloaded."""
-    from oed.cli.pages import overview, page
-    from oed.cli.unloaded import unloaded
+    """Print the help of a command, or of all; a signature and a docstring are enough."""
+    from oed.cli.screen.help import overview, page
 
-    with unloaded():
-        print(page(application()[name]) if name else overview(COMMANDS))
+    print(page(application()[name]) if name else overview(COMMANDS))
     return 0
 
 
@@ -106,8 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:  # who read the output has seen enough, as head does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
-    except KeyboardInterrupt:
-        _say("stopped by the operator; what was finished is on disk")
+    except KeyboardInterrupt as stop:
+        _say(str(stop) or "stopped by the operator; what was finished is on disk")
         code = 130
     except Exception as error:
         if os.environ.get("TOUCHCAL_DEBUG"):

@@ -2,19 +2,17 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from identify.model.cell import DEG, Cell
 from identify.model.files import InputError, write_text
-from identify.model.identifiability import structure
-from identify.model.io.counting import counting_entry
-from identify.model.io.document import Document, line_text
-from identify.model.joint_counting import JointCounting
-from identify.pendant import Agreement, compare, read_pendant
 from oed.cli.options import CellFile, Json, load_cell, print_json
-from probe.motion.clearance import Clearance
+
+if TYPE_CHECKING:
+    from identify.model.cell import Cell
+    from identify.model.joint_counting import JointCounting
+    from identify.pendant import Agreement
 
 
 def check(
@@ -30,8 +28,8 @@ def check(
     offsets of a right angle, flange or tip, base height, order of the angles, mm or m), and the one that explains it is
     named. How the controller counts its joints (axis signs, coupling, zeros) is proposed as `joints:` of the cell, and
     written there with --fix. pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg.
-    Two examples:
 
+    Examples:
         touchcal check --pendant pendant.csv
 
         touchcal check --pendant pendant.csv --fix
@@ -43,6 +41,10 @@ def check(
     fix
         Write the proposed `joints:` into the cell file; its comments stay.
     """
+    from identify.model.identifiability import structure
+    from identify.model.io.document import Document
+    from identify.pendant import compare, read_pendant
+
     described = load_cell(cell)
     if fix and pendant is None:
         raise InputError("--fix writes what the pendant shows; say --pendant FILE too")
@@ -61,8 +63,11 @@ def check(
     return 0 if found is None or found.agrees else 1
 
 
-def story(cell: Cell, found: Agreement | None) -> str:
+def story(cell: "Cell", found: "Agreement | None") -> str:
     """What a person wants to see again of the cell file, and what the pendant says to it."""
+    from identify.model.cell import DEG
+    from identify.model.identifiability import structure
+
     joints = "".join("P" if p else "R" for p in cell.robot.prismatic)
     known = structure(cell)
     lines = [
@@ -80,8 +85,10 @@ def story(cell: Cell, found: Agreement | None) -> str:
     return "\n".join([*lines, *_pendant(cell, found)])
 
 
-def _shapes(cell: Cell) -> list[str]:
+def _shapes(cell: "Cell") -> list[str]:
     """How the arm is kept clear of jig and itself, where a URDF tells its shapes."""
+    from probe.motion.clearance import Clearance
+
     if not cell.robot.shapes:
         return []
     told = Clearance(cell, cell.theta)
@@ -90,24 +97,28 @@ def _shapes(cell: Cell) -> list[str]:
     return [f"arm: {len(told.bodies)} collision shapes judged as {judge}, of links {links}", *told.notes]
 
 
-def _sides(cell: Cell) -> str:
+def _sides(cell: "Cell") -> str:
     sides = {
         "+-"[int(n.max() < -n.min())] + "xyz"[int(abs(n).argmax())] for n in (f.normal for f in cell.the_jig.faces)
     }
     return "looking along " + ", ".join(sorted(sides))
 
 
-def _entry(cell: Cell, counting: JointCounting) -> dict[str, Any]:
+def _entry(cell: "Cell", counting: "JointCounting") -> dict[str, Any]:
+    from identify.model.io.counting import counting_entry
+
     return counting_entry(counting, [joint.name for joint in cell.robot.joints])
 
 
-def _line(cell: Cell, counting: JointCounting) -> str:
+def _line(cell: "Cell", counting: "JointCounting") -> str:
     """The line of cell.yaml that says how the controller counts."""
+    from identify.model.io.document import line_text
+
     entry = _entry(cell, counting)
     return line_text("joints", entry) if entry else "no joints:"
 
 
-def _pendant(cell: Cell, found: Agreement | None) -> list[str]:
+def _pendant(cell: "Cell", found: "Agreement | None") -> list[str]:
     if found is None:
         return ["cell is valid; compare it with the pendant: touchcal check --pendant pendant.csv"]
     if found.agrees:

@@ -1,20 +1,18 @@
 """`touchcal compensate`."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
-from identify.compensation.compensate import Compensation, Place, remarks
-from identify.compensation.compensate import compensate as corrected
 from identify.model.files import sheet_text, write_text
-from identify.model.io.calibration_file import read_calibration
-from identify.model.io.entries import POSE_KEYS, POSE_UNIT
-from identify.model.io.poses import Poses, read_poses
-from identify.model.io.tables import joint_columns
-from identify.model.robot import Robot
 from oed.cli.options import Json, TrustUnits, numbers, print_json
+
+if TYPE_CHECKING:
+    from identify.compensation.compensate import Compensation, Place
+    from identify.model.io.poses import Poses
+    from identify.model.robot import Robot
 
 SHOWN = 10  # targets left alone that are named on the screen
 
@@ -60,6 +58,11 @@ def compensate(
     max_change_deg
         Leave a pose alone where a joint would change by more; 3 degrees, or three times what is usual for this robot.
     """
+    from identify.compensation.compensate import compensate as corrected
+    from identify.compensation.compensate import remarks
+    from identify.model.io.calibration_file import read_calibration
+    from identify.model.io.poses import read_poses
+
     identified = read_calibration(calibration)
     robot = identified.cell.robot
     wanted = read_poses(poses, trust_units=trust_units)
@@ -81,14 +84,19 @@ def compensate(
         print(story(wanted, result, remarks(identified, "robot" if frame == "jig" else fixed_to), output))
 
 
-def _frame(text: str) -> Place:
+def _frame(text: str) -> "Place":
+    from identify.model.io.entries import POSE_UNIT
+
     if text in {"jig", "base"}:
         return text  # type: ignore[return-value]
     return numbers(text, 6, "--frame, other than jig or base,") * POSE_UNIT
 
 
-def table(wanted: Poses, result: Compensation, robot: Robot) -> str:
+def table(wanted: "Poses", result: "Compensation", robot: "Robot") -> str:
     """The text of corrected.csv."""
+    from identify.model.io.entries import POSE_KEYS, POSE_UNIT
+    from identify.model.io.tables import joint_columns
+
     command = result.command / POSE_UNIT
     columns: dict[str, Any] = {"id": wanted.ids, "status": ["left" if reason else "corrected" for reason in result.why]}
     columns |= dict(zip(joint_columns(robot), robot.to_controller(result.q).T.round(9), strict=True))
@@ -96,13 +104,13 @@ def table(wanted: Poses, result: Compensation, robot: Robot) -> str:
     return sheet_text(columns | {"note": result.why})
 
 
-def _shift(wanted: Poses, result: Compensation) -> np.ndarray:
+def _shift(wanted: "Poses", result: "Compensation") -> np.ndarray:
     """How far the commands moved [mm]."""
     done = result.corrected
     return np.linalg.norm(result.command[done, :3] - wanted.pose[done, :3], axis=1)
 
 
-def summary(wanted: Poses, result: Compensation) -> dict[str, Any]:
+def summary(wanted: "Poses", result: "Compensation") -> dict[str, Any]:
     """What `--json` says."""
     shift = _shift(wanted, result)
     left = {name: reason for name, reason in zip(wanted.ids, result.why, strict=True) if reason}
@@ -113,7 +121,7 @@ def summary(wanted: Poses, result: Compensation) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def story(wanted: Poses, result: Compensation, notes: list[str], output: Path) -> str:
+def story(wanted: "Poses", result: "Compensation", notes: list[str], output: Path) -> str:
     """The result as a person reads it."""
     shift, lines = _shift(wanted, result), [f"{int(result.corrected.sum())} of {len(wanted)} poses corrected"]
     if len(shift):

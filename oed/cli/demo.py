@@ -1,56 +1,20 @@
 """`touchcal demo`."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import reduce
-from json import dumps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from cyclopts import Parameter
-from jaxtyping import Float
 
-from identify.compensation.compensate import compensate
-from identify.estimation.calibrate import calibrate
-from identify.estimation.face_association import believed
-from identify.estimation.verification import Verification, verify
-from identify.model.cell import Cell
-from identify.model.files import InputError, digest, read_text, sheet_text, write_text
-from identify.model.frames import pose
-from identify.model.identifiability import structure
-from identify.model.io.calibration_file import Calibration, summarize, write_calibration
-from identify.model.io.description import library, read_cell
-from identify.model.io.entries import POSE_KEYS, POSE_UNIT
-from identify.model.io.tables import positions_text, read_positions, read_touches, touches_text
-from identify.model.touch import Plan, Positions, Touches, joined
-from identify.model.zone import zone_poses
-from identify.report.report import report
-from identify.uncertainty.assurance import assurance
-from oed.campaigns.campaign import SPARE, Campaign, Job
-from oed.campaigns.campaign import campaign as make
-from oed.campaigns.folder import Folder, over_port, standing
-from oed.cli.campaign import only_one
-from oed.cli.options import Json, Seed, errors_table, print_json, progress
-from oed.planning.plan import plan as make_plan
-from oed.planning.uncertain import plan_under_uncertainty
-from probe import Settings
-from probe.line.clock import Clock
-from probe.motion.tour import minutes
-from probe.virtual.server import serve
-from probe.virtual.truth import Truth, read_truth, truths
+from oed.cli.options import Json, Output, Seed, errors_table, print_json
+from oed.cli.screen.progress import progress
 
-UNSEEN = 20  # touches, and as many measured tip positions, kept for verification
-POSES = 1000  # of the zone, where the hidden truth is compared at the end
-SEAM = 15  # points of a program to correct
-GOAL_MM = 0.05  # RMS of the tip error at the poses of the zone
-TARGET_MM = 0.01  # out of reach: all touches are made
-SUMMARY = ("touches", "hits", "minutes", "initial_rms_mm", "zone_rms_mm", "promise", "passed")
+if TYPE_CHECKING:
+    from oed.campaigns.demonstration import Demonstration
 
 
 def demo(
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("demo"),
+    output: Output = Path("demo"),
     touches: Annotated[int, Parameter(name=["-n", "--touches"])] = 160,
     seed: Seed = 0,
     json: Json = False,
@@ -70,161 +34,32 @@ def demo(
     touches
         How many touches to plan.
     """
-    with only_one(output):
-        cell = _begun(output, touches, seed)
-        truth = read_truth(truths()["arc-welder"], cell)  # for the virtual robot, and for the comparison at the end
-        found, story = _calibrated(output, cell, truth, touches, seed, not json)
-        verified = _verified(output, found)
-        _use(output, found, verified)
-        told = story | _compared(output, truth, found)
+    from oed.campaigns.demonstration import demonstrate
+
+    with progress(not json) as on_progress:
+        result = demonstrate(output, touches, seed, on_progress)
     if json:
-        print_json({key: told[key] for key in SUMMARY})
+        compared = {name: result.compared[name] for name in ("initial_rms_mm", "zone_rms_mm", "promise")}
+        effort = {name: result.effort[name] for name in ("touches", "hits", "minutes")}
+        print_json({**effort, **compared, "passed": result.passed})
     else:
-        print(_story(output, told, verified))
-    return 0 if told["passed"] else 1
+        print(_story(output, result))
+    return 0 if result.passed else 1
 
 
-def _begun(folder: Path, touches: int, seed: int) -> Cell:
-    """The cell of the demo in its folder; raises InputError where the folder holds something else."""
-    least = structure(read_cell(library("cells")["arc-welder"])).rank + SPARE
-    if touches < least:
-        raise InputError(f"{touches} touches cannot identify the robot of the demo; give -n {least} or more")
-    mine = f"{dumps({'touches': touches, 'seed': seed})}\n"
-    texts = {"cell.yaml": read_text(library("cells")["arc-welder"]), "demo.json": mine}
-    there = [folder / name for name in texts if (folder / name).exists()]
-    for path in there:
-        if read_text(path) != texts[path.name]:
-            raise InputError(f"{path} is not that of this demo; choose another folder with -o, or clear this one")
-    for name in texts:
-        write_text(folder / name, texts[name])
-    return read_cell(folder / "cell.yaml")
-
-
-def _calibrated(
-    folder: Path, cell: Cell, truth: Truth, touches: int, seed: int, show: bool
-) -> tuple[Calibration, dict[str, Any]]:
-    """The touches of all stages and those for verification, made by the virtual robot; and what they tell."""
-    rng, inputs = np.random.default_rng(seed), _hashes(folder, "cell.yaml")
-    with progress(show) as say:
-        done = make(
-            cell, target_mm=TARGET_MM, max_touches=touches, rng=rng, touch=_toucher(folder, cell, truth, seed),
-            keep=Folder(folder, cell, inputs), batch=touches, planner=_planned, progress=say,
-        )  # fmt: skip
-        _unseen(folder, done.calibration, truth, seed)
-    made = reduce(joined, (stage.touches for stage in done.stages))
-    write_text(folder / "touches.csv", touches_text(made, cell.robot))
-    inputs = _hashes(folder, "cell.yaml", "touches.csv")
-    found = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs)
-    write_calibration(folder / "calibration.json", found)
-    return found, _effort(done)
-
-
-def _effort(done: Campaign) -> dict[str, Any]:
-    """What it took."""
-    return {
-        "touches": done.touches, "hits": sum(stage.hits for stage in done.stages), "stages": len(done.stages),
-        "minutes": sum(minutes(stage.job.cell, stage.job.plan) for stage in done.stages),
-    }  # fmt: skip
-
-
-def _toucher(folder: Path, cell: Cell, truth: Truth, seed: int) -> Callable[[Job], Touches]:
-    """What makes the touches of a job: the real driver, and a virtual robot behind a pseudo-terminal."""
-
-    @contextmanager
-    def port(job: Job) -> Iterator[str]:
-        with serve(cell, truth, speed=np.inf, seed=seed + job.number, start=standing(folder, cell, job)) as served:
-            yield served.url
-
-    return over_port(folder, cell, port, "line", Settings(trust_position=True), Clock())
-
-
-def _planned(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
-    """A plan without the last refinement: a demonstration is short."""
-    return plan_under_uncertainty(cell, n, rng, after)
-
-
-def _hashes(folder: Path, *names: str) -> dict[str, str]:
-    return {name: digest(folder / name) for name in names}
-
-
-def _unseen(folder: Path, known: Calibration, truth: Truth, seed: int) -> None:
-    """Touches anywhere on the jig, and tip positions all over the zone as a tracker would measure them."""
-    cell, rng = known.cell, np.random.default_rng([seed, 1])
-    kept = Folder(folder / "unseen", cell, {})
-    kept.path.mkdir(exist_ok=True)
-    made = kept.planned(1)
-    length = {"approach_mm": cell.touch.approach, "travel_mm": cell.touch.travel}
-    drawn = make_plan(cell, UNSEEN, strategy="random", after=known, rng=rng, lifting=False).plan
-    plan = kept.keep_plan(1, drawn, length) if made is None else made[0]
-    job = Job(1, believed(cell, known.theta), plan, True, 0.0)
-    found = _toucher(kept.path, cell, truth, seed + UNSEEN)(job)
-    write_text(folder / "unseen.csv", touches_text(found, cell.robot))
-    q = zone_poses(cell, known.theta, UNSEEN, rng=rng)
-    point = cell.kinematics.tip(q, truth.theta)[0] + cell.touch.sigma * rng.standard_normal((UNSEEN, 3))
-    measured = Positions(tuple(f"p{i + 1}" for i in range(UNSEEN)), q, point, np.full(UNSEEN, cell.touch.sigma))
-    write_text(folder / "unseen-positions.csv", positions_text(measured, cell.robot))
-
-
-def _verified(folder: Path, found: Calibration) -> tuple[Verification, Verification]:
-    """Errors at touches and at tip positions that the fit has not seen."""
-    touched = verify(found, read_touches(folder / "unseen.csv", found.cell))
-    return touched, verify(found, read_positions(folder / "unseen-positions.csv", found.cell))
-
-
-def _use(folder: Path, found: Calibration, verified: tuple[Verification, Verification]) -> None:
-    """The report, and a seam corrected."""
-    made = read_touches(folder / "touches.csv", found.cell)
-    write_text(folder / "report.html", report(found, [made], verified[1]))
-    wanted = _seam(found.cell)
-    names = [f"s{i + 1}" for i in range(len(wanted))]
-    for file, poses in (("poses.csv", wanted), ("corrected.csv", compensate(found, wanted).command)):
-        columns: dict[str, Any] = {"id": names} | dict(zip(POSE_KEYS, (poses / POSE_UNIT).T.round(6), strict=True))
-        write_text(folder / file, sheet_text(columns))
-
-
-def _seam(cell: Cell) -> Float[np.ndarray, "points 6"]:
-    """Points along x through the middle of the zone, with a torch that the robot reaches there."""
-    q = zone_poses(cell)
-    tip, R = cell.kinematics.tip(q, cell.theta)
-    assert cell.zone is not None
-    middle = cell.zone.box.mean(axis=1)
-    i = int(np.argmin(np.linalg.norm(tip - middle, axis=1)))
-    T = np.tile(np.eye(4), (SEAM, 1, 1))
-    T[:, :3, :3], T[:, :3, 3] = R[i], tip[i] + np.linspace(-40, 40, SEAM)[:, None] * [1, 0, 0]
-    return pose(T)
-
-
-def _compared(folder: Path, truth: Truth, found: Calibration) -> dict[str, Any]:
-    """The tip at unseen poses of the zone beside the hidden truth, and what was promised of it."""
-    cell = found.cell
-    q = zone_poses(cell, found.theta, POSES, rng=np.random.default_rng(12345))
-    tip = cell.kinematics.tip(q, truth.theta)[0]
-    before, after = (
-        summarize(np.linalg.norm(cell.kinematics.tip(q, theta)[0] - tip, axis=1)) for theta in (cell.theta, found.theta)
-    )
-    made = read_touches(folder / "touches.csv", cell)
-    used = np.array([found.residuals[name].used for name in made.ids])
-    residuals = np.array([r.before_mm for r in found.residuals.values()])
-    return {
-        "initial_rms_mm": summarize(residuals).rms_mm, "zone_rms_mm": after.rms_mm, "before": before, "after": after,
-        "promise": {"p95_mm": assurance(cell, found, made.take(used)).promised()}, "passed": after.rms_mm <= GOAL_MM,
-    }  # fmt: skip
-
-
-def _story(folder: Path, told: dict[str, Any], verified: tuple[Verification, Verification]) -> str:
+def _story(folder: Path, result: "Demonstration") -> str:
     """The end, as a person reads it."""
-    rows = {
-        "before": told["before"],
-        "delivered": told["after"],
-    }
-    touched, positions = verified
+    from oed.campaigns.demonstration import GOAL_MM, POSES
+
+    effort, compared = result.effort, result.compared
+    true_errors = {"before": compared["before"], "delivered": compared["after"]}
+    unseen = {"unseen tip positions": result.positions.identified, "unseen touches": result.touches.identified}
     return (
-        f"{told['hits']} of {told['touches']} touches met the jig, in {told['stages']} stages, "
-        f"{told['minutes']:.0f} minutes on a real robot\n\n"
-        f"tip error at {POSES} poses of the zone, by the hidden truth\n{errors_table(rows)}\n"
-        f"promised by the touches: 95 % within {told['promise']['p95_mm']:.3f} mm\n\n"
-        f"what a user can see, without the truth\n"
-        f"{errors_table({'unseen tip positions': positions.identified, 'unseen touches': touched.identified})}\n\n"
-        f"{'PASS' if told['passed'] else 'FAIL'}: tip RMS {told['zone_rms_mm']:.3f} mm, to be at most {GOAL_MM} mm; "
+        f"{effort['hits']} of {effort['touches']} touches met the jig, in {effort['stages']} stages, "
+        f"{effort['minutes']:.0f} minutes on a real robot\n\n"
+        f"tip error at {POSES} poses of the zone, by the hidden truth\n{errors_table(true_errors)}\n"
+        f"promised by the touches: 95 % within {compared['promise']['p95_mm']:.3f} mm\n\n"
+        f"what a user can see, without the truth\n{errors_table(unseen)}\n\n"
+        f"{'PASS' if result.passed else 'FAIL'}: tip RMS {compared['zone_rms_mm']:.3f} mm, to be at most {GOAL_MM} mm; "
         f"{folder} holds report.html, corrected.csv and all that led there"
     )

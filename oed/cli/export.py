@@ -2,16 +2,16 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from identify.export.exporting import FORMATS, ends_of
-from identify.export.exporting import export as made
-from identify.export.formats import Exported, Original
 from identify.model.files import InputError, write_text
-from identify.model.io.calibration_file import Calibration, read_calibration
 from oed.cli.options import Json, print_json
+
+if TYPE_CHECKING:
+    from identify.export.formats import Exported, Original
+    from identify.model.io.calibration_file import Calibration
 
 
 def export(
@@ -46,6 +46,10 @@ def export(
     flange
         Its last link; the one that the cell names if not given.
     """
+    from identify.export.exporting import FORMATS
+    from identify.export.exporting import export as made
+    from identify.model.io.calibration_file import read_calibration
+
     identified = read_calibration(calibration)
     path = Path(f"calibrated{FORMATS[format].suffix}") if output is None else output
     result = made(identified, format, _original(identified, urdf, base, flange))
@@ -58,8 +62,11 @@ def export(
         print(story(result, list(names.values())))
 
 
-def _original(identified: Calibration, urdf: Path | None, base: str | None, flange: str | None) -> Original | None:
+def _original(identified: "Calibration", urdf: Path | None, base: str | None, flange: str | None) -> "Original | None":
     """The URDF to keep, and its ends: as given, or as the cell named them."""
+    from identify.export.exporting import ends_of
+    from identify.export.formats import Original
+
     if urdf is None:
         return None
     known = ends_of(identified)
@@ -74,12 +81,12 @@ def _beside(path: Path, suffix: str, main: str) -> Path:
     return path if suffix == main else path.with_name(path.stem + suffix)
 
 
-def summary(result: Exported, paths: list[Path]) -> dict[str, Any]:
+def summary(result: "Exported", paths: list[Path]) -> dict[str, Any]:
     """What `--json` says."""
     return {"files": [str(path) for path in paths], "deviation": asdict(result.deviation), "notes": list(result.notes)}
 
 
-def story(result: Exported, paths: list[Path]) -> str:
+def story(result: "Exported", paths: list[Path]) -> str:
     """The result as a person reads it."""
     cost = result.deviation
     size = f"{cost.max_mm:.6f} mm, {cost.max_deg:.6f} degrees" if max(cost.max_mm, cost.max_deg) > 1e-6 else "nothing"

@@ -1,18 +1,16 @@
 """`touchcal fix`."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 
-from identify.compensation.compensate import remarks
 from identify.model.files import InputError, read_bytes, write_bytes
-from identify.model.io.calibration_file import read_calibration
-from identify.programs.fixing import Fixed
-from identify.programs.fixing import fix as corrected
-from identify.programs.setup import Setup, read_setup
 from oed.cli.options import Json, print_json
+
+if TYPE_CHECKING:
+    from identify.programs.fixing import Fixed
 
 SHOWN = 20  # positions or remarks of a kind that are named on the screen
 DIFF = "corrections.diff"
@@ -48,6 +46,11 @@ def fix(
     diff
         Print the changes.
     """
+    from identify.compensation.compensate import remarks
+    from identify.model.io.calibration_file import read_calibration
+    from identify.programs.fixing import fix as corrected
+    from identify.programs.setup import Setup, read_setup
+
     if not programs:
         raise InputError("nothing to correct: name at least one program")
     identified = read_calibration(calibration)
@@ -79,7 +82,7 @@ def _other_folder(output: Path, programs: tuple[Path, ...]) -> None:
             raise InputError(f"{output}: {path.name} stands there; choose another folder with -o")
 
 
-def _write(output: Path, found: list[Fixed]) -> None:
+def _write(output: Path, found: "list[Fixed]") -> None:
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -89,7 +92,7 @@ def _write(output: Path, found: list[Fixed]) -> None:
     write_bytes(output / DIFF, b"".join(each.diff for each in found))
 
 
-def summary(found: list[Fixed]) -> dict[str, Any]:
+def summary(found: "list[Fixed]") -> dict[str, Any]:
     """What `--json` says."""
     return {
         each.name: {
@@ -104,7 +107,7 @@ def summary(found: list[Fixed]) -> dict[str, Any]:
     }
 
 
-def story(found: list[Fixed], notes: list[str], output: Path) -> str:
+def story(found: "list[Fixed]", notes: list[str], output: Path) -> str:
     """The result as a person reads it."""
     lines = list[str]()
     for each in found:

@@ -1,22 +1,34 @@
 """`touchcal health`."""
 
 from collections.abc import Mapping
-from contextlib import redirect_stdout
 from functools import reduce
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 
-from identify.health.causes import looked_for
-from identify.health.judge import LEAST, TOUCH, Finding, Health, judge, noticed
-from identify.model.files import InputError, digest, write_text
-from identify.model.io.calibration_file import Calibration, read_calibration
-from identify.model.io.tables import plan_text, read_plan
-from identify.model.touch import Plan, Touches, joined
-from oed.cli.options import CellFile, Json, Seed, TrustUnits, load_cell, only_touches, print_json, read_measured
+from identify.model.files import InputError, digest, write_json, write_text
+from oed.cli.options import (
+    CELL_PORT,
+    CellFile,
+    Flag,
+    Json,
+    Output,
+    Port,
+    Seed,
+    TrustUnits,
+    load_cell,
+    only_touches,
+    print_json,
+    read_measured,
+)
+
+if TYPE_CHECKING:
+    from identify.health.judge import Finding, Health
+    from identify.model.io.calibration_file import Calibration
+    from identify.model.touch import Plan, Touches
 
 SHOWN = 0.05  # probability of a cause that is named beside the first
 
@@ -24,14 +36,12 @@ SHOWN = 0.05  # probability of a cause that is named beside the first
 def health(
     calibration: Path,
     *touches: Path,
-    run: Annotated[bool, Parameter(negative=())] = False,
+    run: Flag = False,
     n: Annotated[int, Parameter(name=["-n", "--touches"])] = 12,
     alarm: float = 0.01,
     cell: CellFile = Path("cell.yaml"),
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("health.csv"),
-    port: str | None = None,
-    protocol: str | None = None,
-    truth: str | None = None,
+    output: Output = Path("health.csv"),
+    port: Port = CELL_PORT,
     seed: Seed = 0,
     trust_units: TrustUnits = False,
     json: Json = False,
@@ -59,13 +69,11 @@ def health(
         The chance that a robot which has not changed is said to have.
     output
         Where the plan is written; with --run, a plan that stands there is used again.
-    port
-        /dev/ttyUSB0, COM5, socket://host:port or sim, in place of the cell's.
-    protocol
-        line (TOUCH/1), grbl or linuxcnc, in place of the cell's.
-    truth
-        With port sim: what the virtual robot truly is, a file or library:arc-welder.
     """
+    from identify.health.judge import LEAST, judge
+    from identify.model.io.calibration_file import read_calibration
+    from identify.model.touch import joined
+
     identified = read_calibration(calibration)
     if not 0 < alarm < 1:
         raise InputError(f"--alarm is {alarm:g}, expected a probability such as 0.01")
@@ -78,7 +86,7 @@ def health(
         if not run:
             _tell_plan(identified, made, output, alarm, json)
             return 0
-        touches = (_made(output, made, calibration, cell, port, protocol, truth, json),)
+        touches = (_touches(identified, made, cell, output, port, json),)
     tables, _ = read_measured(touches, identified.cell, trust_units)
     found = judge(identified, reduce(joined, map(only_touches, tables)), alarm)
     if json:
@@ -88,9 +96,10 @@ def health(
     return 0 if found.verdict == "unchanged" else 1
 
 
-def _planned(identified: Calibration, file: Path, n: int, output: Path, seed: int, again: bool) -> Plan:
+def _planned(identified: "Calibration", file: Path, n: int, output: Path, seed: int, again: bool) -> "Plan":
     """The plan of a check: the one that stands there, or a new one."""
-    from oed.cli.plan import write_summary
+    from identify.health.causes import looked_for
+    from identify.model.io.tables import plan_text, read_plan
     from oed.planning.health_check import plan_check
 
     if again and output.exists():
@@ -98,34 +107,35 @@ def _planned(identified: Calibration, file: Path, n: int, output: Path, seed: in
     made, order = plan_check(identified.cell, identified, looked_for(identified), n, np.random.default_rng(seed))
     write_text(output, plan_text(made, identified.cell.robot))
     told = {"touches": len(made), "minutes": order.minutes, "seed": seed}
-    write_summary(output.with_suffix(".json"), told, {file.name: digest(file)})
+    write_json(output.with_suffix(".json"), told, {file.name: digest(file)})
     return made
 
 
-def _made(
-    plan: Path, planned: Plan, calibration: Path, cell: Path, port: str | None, protocol: str | None,
-    truth: str | None, json: bool,
-) -> Path:  # fmt: skip
-    """Make the touches of a plan, as touchcal run does, or go on with them; the file that they are in."""
-    import sys
-
+def _touches(identified: "Calibration", plan: "Plan", cell: Path, output: Path, port: Port, silent: bool) -> Path:
+    """Make the touches of a plan, or go on with them; the file that they are in."""
+    from identify.estimation.face_association import as_identified
+    from oed.campaigns.connection import SIM
     from oed.campaigns.folder import touches_of
-    from oed.cli.run import run
+    from oed.cli.run import make_touches
+    from oed.cli.screen.live import Screen
+    from probe import Settings
 
     described = load_cell(cell)
-    names = (plan.with_name(f"{plan.stem}-touches{f'-{k}' if k > 1 else ''}.csv") for k in count(1))
-    made = next(path for path in names if touches_of(path, described, planned) is None)
-    with redirect_stdout(sys.stderr):  # the verdict alone is the answer
-        code = run(
-            plan, cell=cell, after=calibration, output=made, port=port, protocol=protocol, truth=truth,
-            resume=made.exists(), json=json,
-        )  # fmt: skip
-    if code:
-        raise KeyboardInterrupt
-    return made
+    connection = port.connection(described)
+    files = (output.with_name(f"{output.stem}-touches{f'-{k}' if k > 1 else ''}.csv") for k in count(1))
+    file = next(path for path in files if touches_of(path, described, plan) is None)
+    robot, settings = as_identified(described, identified), Settings(trust_position=connection.port == SIM)
+    screen, resume = Screen(silent), file.exists()
+    try:
+        make_touches(connection, described, robot, plan, file, settings, screen, resume=resume)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"the same command goes on; every touch made so far is in {file}") from None
+    return file
 
 
-def _tell_plan(identified: Calibration, made: Plan, output: Path, alarm: float, json: bool) -> None:
+def _tell_plan(identified: "Calibration", made: "Plan", output: Path, alarm: float, json: bool) -> None:
+    from identify.health.judge import noticed
+
     smallest = noticed(identified, _expected(identified, made), alarm)
     told = {name: change * _factor(identified, name) for name, change in smallest.items()}
     if json:
@@ -138,8 +148,10 @@ def _tell_plan(identified: Calibration, made: Plan, output: Path, alarm: float, 
     print(f"wrote {output}; touchcal health ... --run makes them and judges")
 
 
-def _expected(identified: Calibration, made: Plan) -> Touches:
+def _expected(identified: "Calibration", made: "Plan") -> "Touches":
     """Touches as they would be read, were every contact where it is planned."""
+    from identify.model.touch import Touches
+
     cell, none = identified.cell, np.full(len(made), np.nan)
     faces = [cell.the_jig.by_name[name] for name in made.face]
     offset, sigma = np.array([face.offset for face in faces]), np.full(len(made), cell.touch.sigma)
@@ -147,13 +159,13 @@ def _expected(identified: Calibration, made: Plan) -> Touches:
     return Touches(made.ids, made.face, made.q, made.normal, offset, sigma, blank, none, blank, blank)
 
 
-def _unit(identified: Calibration, name: str) -> str:
+def _unit(identified: "Calibration", name: str) -> str:
     if name in {"tool", "wire"}:
         return "mm"
     return "deg" if identified.cell.robot.angular[identified.cell.robot.parameters.index(name)] else "mm"
 
 
-def _factor(identified: Calibration, name: str) -> float:
+def _factor(identified: "Calibration", name: str) -> float:
     return 180 / np.pi if _unit(identified, name) == "deg" else 1.0
 
 
@@ -166,7 +178,7 @@ def _part(name: str) -> str:
     return f"zero of joint {joint}" if what in {"theta", "d"} else name
 
 
-def summary(found: Health) -> dict[str, Any]:
+def summary(found: "Health") -> dict[str, Any]:
     """What `--json` says."""
     first = found.findings[0]
     return {
@@ -182,7 +194,7 @@ def summary(found: Health) -> dict[str, Any]:
     }
 
 
-def story(identified: Calibration, found: Health) -> str:
+def story(identified: "Calibration", found: "Health") -> str:
     """The verdict as a person reads it."""
     r = np.array(list(found.residuals.values()))
     rms = np.sqrt(np.mean(r * r))
@@ -207,8 +219,10 @@ CURES: Mapping[str, str] = {
 }
 
 
-def _said(identified: Calibration, finding: Finding) -> str:
+def _said(identified: "Calibration", finding: "Finding") -> str:
     """A cause with its size."""
+    from identify.health.judge import TOUCH
+
     name, change, sigma = finding.cause.name, finding.change, finding.sigma
     if name.startswith(TOUCH):
         return f"{name} alone disagrees; make it again"
@@ -225,7 +239,7 @@ def _turned(change: np.ndarray) -> float:
     return float(np.degrees(np.linalg.norm(change[3:])))
 
 
-def _sure(finding: Finding) -> str:
+def _sure(finding: "Finding") -> str:
     return "more than 99 %" if finding.sure > 0.99 else f"{100 * finding.sure:.0f} %"
 
 

@@ -2,14 +2,11 @@
 
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
-from identify.compensation.ladder import ladder
-from identify.estimation.calibrate import calibrate
-from identify.model.cell import Cell
-from identify.model.io.calibration_file import Calibration, summarize, write_calibration
 from oed.cli.options import (
     CellFile,
     Json,
@@ -21,6 +18,10 @@ from oed.cli.options import (
     print_json,
     read_measured,
 )
+
+if TYPE_CHECKING:
+    from identify.model.cell import Cell
+    from identify.model.io.calibration_file import Calibration
 
 
 def identify(
@@ -63,7 +64,9 @@ def identify(
         Joint errors beyond geometry: auto lets the touches choose among harmonics, compliance, backlash, coupling, gear
         and thermal; names, with commas between them, take these; none takes none; cell those of the cell file.
     """
+    from identify.estimation.calibrate import calibrate
     from identify.model.files import InputError
+    from identify.model.io.calibration_file import write_calibration
 
     if not files:
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
@@ -71,7 +74,7 @@ def identify(
     measured, inputs = read_measured(files, described, trust_units)
     found = calibrate(
         described, *measured, loss=loss, priors=priors, eliminate=parameters == "identifiable",
-        choose=errors == "auto", rng=_generator(seed), inputs=inputs,
+        choose=errors == "auto", rng=np.random.default_rng(seed), inputs=inputs,
     )  # fmt: skip
     write_calibration(output, found)
     if json:
@@ -80,7 +83,7 @@ def identify(
         print(story(found, output))
 
 
-def _with_errors(cell: Cell, errors: str) -> Cell:
+def _with_errors(cell: "Cell", errors: str) -> "Cell":
     """The cell with the error models that an option names."""
     from identify.model.errors import ERROR_MODELS
     from identify.model.files import InputError, nearest
@@ -95,14 +98,10 @@ def _with_errors(cell: Cell, errors: str) -> Cell:
     return replace(cell, robot=replace(cell.robot, errors=tuple(names), error_values=()))
 
 
-def _generator(seed: int) -> Any:
-    import numpy as np
-
-    return np.random.default_rng(seed)
-
-
-def summary(c: Calibration) -> dict[str, Any]:
+def summary(c: "Calibration") -> dict[str, Any]:
     """What `--json` says."""
+    from identify.compensation.ladder import ladder
+
     return {
         "rank": len(c.estimated),
         "estimated": list(c.estimated),
@@ -121,9 +120,9 @@ def summary(c: Calibration) -> dict[str, Any]:
     }
 
 
-def story(c: Calibration, output: Path) -> str:
+def story(c: "Calibration", output: Path) -> str:
     """The result as a person reads it."""
-    import numpy as np
+    from identify.model.io.calibration_file import summarize
 
     before = summarize(np.array([r.before_mm for r in c.residuals.values() if r.used]))
     lines = [
@@ -147,7 +146,7 @@ def story(c: Calibration, output: Path) -> str:
     return "\n".join(lines)
 
 
-def _choice(c: Calibration) -> list[str]:
+def _choice(c: "Calibration") -> list[str]:
     """What every error model buys in regions held out, where the touches chose among them."""
     if not c.choice:
         return []
@@ -166,7 +165,7 @@ def _choice(c: Calibration) -> list[str]:
     return [*lines, told, ""]
 
 
-def _scatter(c: Calibration) -> list[str]:
+def _scatter(c: "Calibration") -> list[str]:
     if not c.scatter_significant:
         return [f"residuals scatter as the stated sigma says (x {c.scatter:.2f})"]
     if c.scatter < 1:
@@ -189,7 +188,7 @@ def _carried(name: str, terms: Any) -> str:
     return f"{name} ({', '.join(f'{c:+.4g} {kept}' for kept, c in terms.items())})"
 
 
-def _parameters(c: Calibration) -> list[str]:
+def _parameters(c: "Calibration") -> list[str]:
     """Changes and 95 % intervals of the estimated parameters."""
     unit = c.cell.robot.parameter_unit()
     lines = [f"{'parameter':16}{'start':>12}{'identified':>12}{'change':>10}{'+- (95 %)':>11}"]

@@ -1,17 +1,16 @@
 """`touchcal init`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
-from identify.model.io.description import LIBRARY, library, read_jig, read_robot
-from identify.model.io.tables import POINT, joint_columns
-from identify.model.jig import Jig
-from identify.model.robot import Robot
-from identify.pendant import EULER
+
+if TYPE_CHECKING:
+    from identify.model.jig import Jig
+    from identify.model.robot import Robot
 
 MESHES = "meshes"  # folder beside the URDF
 
@@ -84,6 +83,10 @@ def init(
     force
         Overwrite a cell.yaml that is there already.
     """
+    from identify.model.io.description import LIBRARY, read_jig, read_robot
+    from identify.model.io.tables import POINT, joint_columns
+    from identify.pendant import EULER
+
     if (directory / "cell.yaml").exists() and not force:
         raise InputError(f"{directory / 'cell.yaml'} is there already; choose another folder, or say --force")
     if urdf is None and robot.lower().endswith(".urdf"):
@@ -111,7 +114,7 @@ def init(
     )
 
 
-def _with_meshes(urdf: Path, robot: Robot, directory: Path) -> str:
+def _with_meshes(urdf: Path, robot: "Robot", directory: Path) -> str:
     """The text of a URDF whose collision meshes lie in a folder beside it; they are copied there."""
     text, names = read_text(urdf), dict[Path, str]()
     for shape in robot.shapes:
@@ -129,13 +132,15 @@ def _with_meshes(urdf: Path, robot: Robot, directory: Path) -> str:
 
 
 def _known(kind: str, name: str) -> Path:
+    from identify.model.io.description import library
+
     known = library(kind)  # type: ignore[arg-type]
     if name not in known:
         raise InputError(f"the library has no {kind[:-1]} '{name}'{nearest(name, known)}; it has {', '.join(known)}")
     return known[name]
 
 
-def cell_text(source: str, jig_source: str, robot: Robot, jig: Jig) -> str:
+def cell_text(source: str, jig_source: str, robot: "Robot", jig: "Jig") -> str:
     """A cell file whose robot stands where it reaches the jig, facing it."""
     corners = np.concatenate([[f.origin, f.origin + f.u + f.v] for f in jig.faces])
     lo, hi = corners.min(axis=0), corners.max(axis=0)

@@ -5,20 +5,17 @@ from functools import reduce
 from importlib.metadata import version
 from json import dumps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import InputError, digest, write_text
-from identify.model.frames import pose, transform
-from identify.model.io.calibration_file import Calibration, read_calibration
-from identify.model.io.description import named_jig, read_jig
-from identify.model.io.entries import POSE_KEYS, POSE_UNIT, pose_entry
-from identify.model.touch import joined
-from identify.workpiece.localization import ALARM, Location, said
-from identify.workpiece.localization import locate as located
 from oed.cli.options import Json, TrustUnits, numbers, only_touches, print_json, read_measured
+
+if TYPE_CHECKING:
+    from identify.model.io.calibration_file import Calibration
+    from identify.workpiece.localization import Location
 
 ABOUT = ("", "", "", *(f"   about the workpiece's {axis}" for axis in "zyx"))
 TURNS = ("about_x_deg", "about_y_deg", "about_z_deg")
@@ -53,6 +50,12 @@ def locate(
     output
         Where the pose is written.
     """
+    from identify.model.io.calibration_file import read_calibration
+    from identify.model.io.description import named_jig, read_jig
+    from identify.model.io.entries import POSE_UNIT
+    from identify.model.touch import joined
+    from identify.workpiece.localization import locate as located
+
     if not touches:
         raise InputError("nothing to locate the workpiece by: name a touches.csv with touches on its faces")
     identified, body = read_calibration(calibration), read_jig(named_jig(workpiece))
@@ -68,8 +71,11 @@ def locate(
         print(story(found, output))
 
 
-def summary(calibration: Calibration, found: Location) -> dict[str, Any]:
+def summary(calibration: "Calibration", found: "Location") -> dict[str, Any]:
     """What `--json` says, and the file holds."""
+    from identify.model.frames import pose, transform
+    from identify.model.io.entries import POSE_KEYS, pose_entry
+
     jig_T_workpiece = transform(calibration.theta[:6]) @ found.base_T_workpiece
     unit = np.array([1, 1, 1, *[np.pi / 180] * 3])
     return {
@@ -88,8 +94,11 @@ def summary(calibration: Calibration, found: Location) -> dict[str, Any]:
     }
 
 
-def story(found: Location, output: Path) -> str:
+def story(found: "Location", output: Path) -> str:
     """The result as a person reads it."""
+    from identify.model.io.entries import POSE_KEYS, POSE_UNIT
+    from identify.workpiece.localization import ALARM, said
+
     spread = 1.96 * found.sigma[[0, 1, 2, 5, 4, 3]] / POSE_UNIT
     lines = [f"workpiece '{found.workpiece.name}' in the frame of the base, from {len(found.residuals)} touches", ""]
     lines += [f"{'':4}{'pose':>12}{'+- (95 %)':>12}"]

@@ -1,24 +1,29 @@
-"""Options that several commands share, and how results are printed."""
+"""Options that several commands share, and how files are read for them and results printed.
+
+A module of a command imports what computes inside its functions: help is printed without it.
+"""
 
 import json
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 
-from identify.model.cell import Cell
 from identify.model.files import InputError, digest
-from identify.model.io.calibration_file import Calibration, Errors
-from identify.model.io.description import read_cell
-from identify.model.io.tables import is_positions, read_positions, read_touches
-from identify.model.touch import Positions, Touches
+
+if TYPE_CHECKING:
+    from identify.model.cell import Cell
+    from identify.model.io.calibration_file import Calibration, Errors
+    from identify.model.touch import Positions, Touches
+    from oed.campaigns.connection import Connection
 
 CellFile = Annotated[Path, Parameter(name="--cell", help="The file that describes robot, jig, tool and zone.")]
+Flag = Annotated[bool, Parameter(negative=())]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print a machine-readable summary on stdout.")]
+Output = Annotated[Path, Parameter(name=["-o", "--output"])]
 Seed = Annotated[int, Parameter(name="--seed", help="The same seed gives the same result.")]
 TrustUnits = Annotated[
     bool,
@@ -26,11 +31,36 @@ TrustUnits = Annotated[
 ]
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Port:
+    """How the controller is reached."""
+
+    port: str | None = None
+    """/dev/ttyUSB0, COM5, socket://host:port, rfc2217://host:port or sim, in place of the cell's."""
+    protocol: str | None = None
+    """line (TOUCH/1), grbl or linuxcnc, in place of the cell's."""
+    truth: str | None = None
+    """With port sim: what the virtual robot truly is, a file or library:arc-welder; drawn from the priors if the
+    library knows none of that name."""
+
+    def connection(self, cell: "Cell") -> "Connection":
+        """The connection of the cell, with these options in place of what the cell file says."""
+        from oed.campaigns.connection import connection
+
+        return connection(cell, **vars(self))
+
+
+CELL_PORT = Port()
+
+
 def read_measured(
-    paths: Sequence[Path], cell: Cell, trust_units: bool
-) -> tuple[list[Touches | Positions], dict[str, str]]:
+    paths: Sequence[Path], cell: "Cell", trust_units: bool
+) -> tuple[list["Touches | Positions"], dict[str, str]]:
     """Touches and positions of several files, and the hashes of the files; raises InputError with all mistakes."""
-    tables: list[Touches | Positions] = []
+    from identify.model.io.tables import is_positions, read_positions, read_touches
+
+    tables = list["Touches | Positions"]()
     mistakes: list[Any] = []
     for path in paths:
         try:
@@ -43,17 +73,17 @@ def read_measured(
     return _distinct(paths, tables), {path.name: digest(path) for path in paths}
 
 
-def only_touches(table: Touches | Positions) -> Touches:
+def only_touches(table: "Touches | Positions") -> "Touches":
     """The touches; raises InputError where positions were measured instead."""
+    from identify.model.touch import Positions
+
     if isinstance(table, Positions):
         raise InputError("positions in the jig frame are no touches; give a touches.csv with faces")
     return table
 
 
-def _distinct(paths: Sequence[Path], tables: list[Touches | Positions]) -> list[Touches | Positions]:
+def _distinct(paths: Sequence[Path], tables: list["Touches | Positions"]) -> list["Touches | Positions"]:
     """Ids that stand in several files are told apart by the name of their file."""
-    from dataclasses import replace
-
     ids = [name for table in tables for name in table.ids]
     if len(set(ids)) == len(ids):
         return tables
@@ -61,8 +91,10 @@ def _distinct(paths: Sequence[Path], tables: list[Touches | Positions]) -> list[
     return [replace(table, ids=tuple(f"{path.stem}:{name}" for name in table.ids)) for path, table in pairs]
 
 
-def load_cell(path: Path) -> Cell:
+def load_cell(path: Path) -> "Cell":
     """Read the cell file; says how to get one where there is none."""
+    from identify.model.io.description import read_cell
+
     if not path.exists():
         raise InputError(f"{path}: no such file; describe the cell there, or name it with --cell FILE")
     return read_cell(path)
@@ -84,7 +116,7 @@ def print_json(summary: Mapping[str, Any]) -> None:
     print(json.dumps(summary, indent=1))
 
 
-def errors_table(rows: Mapping[str, Errors | None]) -> str:
+def errors_table(rows: Mapping[str, "Errors | None"]) -> str:
     """Errors as lines of a table, millimetres."""
     lines = [f"{'':32}{'n':>6}{'mean':>9}{'RMS':>9}{'95 %':>9}{'max':>9}  mm"]
     for name, e in rows.items():
@@ -93,25 +125,10 @@ def errors_table(rows: Mapping[str, Errors | None]) -> str:
     return "\n".join(lines)
 
 
-def ladder_lines(calibration: Calibration) -> list[str]:
+def ladder_lines(calibration: "Calibration") -> list[str]:
     """What each way of applying a calibration is predicted to give; no lines where there is no zone to predict for."""
     from identify.compensation.ladder import ladder
 
     rungs = ladder(calibration)
     table = errors_table({rung.way: rung.errors for rung in rungs})
     return ["predicted tip error in the zone, by what the controller gets:", table, ""] if rungs else []
-
-
-@contextmanager
-def progress(show: bool) -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on stderr for a person; nothing where nobody looks."""
-    if not (show and sys.stderr.isatty()):
-        yield lambda what, share: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description:24}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda what, share: bar.update(task, description=what, completed=share)

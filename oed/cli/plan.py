@@ -1,29 +1,63 @@
 """`touchcal plan`."""
 
+from dataclasses import dataclass
+from os.path import relpath
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from cyclopts import Parameter
 
-from identify.model.files import InputError, digest, write_text
-from identify.model.io.calibration_file import read_calibration
-from identify.model.io.tables import plan_text
-from oed.cli.options import CellFile, Json, Seed, load_cell, print_json, progress
+from identify.model.files import InputError, digest, write_json, write_text
+from oed.cli.options import CellFile, Flag, Json, Output, Seed, load_cell, numbers, print_json
+from oed.cli.screen.progress import progress
+
+if TYPE_CHECKING:
+    from identify.model.cell import Cell
+    from oed.planning.workpiece import WorkpiecePlan
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Choice:
+    """How many touches, and what they make best."""
+
+    n: Annotated[int | None, Parameter(name=["-n", "--touches"])] = None
+    """How many touches to make; 50 if no target is given."""
+    target: float | None = None
+    """Tip error [mm] that 95 % of the poses of the weld zone should stay below: as few touches as do it."""
+    criterion: str = "V"
+    """What the plan makes best: V and G, the mean and the largest tip error in the weld zone; D, A, E, or O1 to
+    O5."""
+    strategy: Literal["optimal", "even", "random"] = "optimal"
+    """optimal; even spreads points over the faces as the paper does; random draws them."""
+    robust: int = 0
+    """So many robots drawn from the tolerances, or from what the calibration leaves open, are planned for at once."""
+    worst: Flag = False
+    """Plan for the worst of these robots, not for their mean."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Body:
+    """A workpiece to locate, in place of a robot to identify."""
+
+    workpiece: str | None = None
+    """Plan touches that locate this workpiece instead: its faces, in a file like that of a jig, or library:NAME."""
+    at: str | None = None
+    """About where it stands in the base frame, x,y,z,rz,ry,rx (mm, degrees); where the jig stands if not given."""
+
+
+USUAL, ROBOT = Choice(), Body()
 
 
 def plan(
     *,
-    n: Annotated[int | None, Parameter(name=["-n", "--touches"])] = None,
-    target: Annotated[float | None, Parameter(name="--target")] = None,
-    criterion: str = "V",
-    strategy: Literal["optimal", "even", "random"] = "optimal",
+    choice: Choice = USUAL,
     after: Path | None = None,
-    workpiece: str | None = None,
-    at: str | None = None,
-    robust: int = 0,
-    worst: Annotated[bool, Parameter(negative=())] = False,
+    body: Body = ROBOT,
     cell: CellFile = Path("cell.yaml"),
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("plan.csv"),
+    output: Output = Path("plan.csv"),
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -38,50 +72,39 @@ def plan(
 
     Parameters
     ----------
-    n
-        How many touches to make; 50 if no target is given.
-    target
-        Tip error [mm] that 95 % of the poses of the weld zone should stay below: as few touches as do it.
-    criterion
-        What the plan makes best: V and G, the mean and the largest tip error in the weld zone; D, A, E, or O1 to O5.
-    strategy
-        optimal; even spreads points over the faces as the paper does; random draws them.
     after
         An earlier calibration.json: its parameters and what it knows are the start.
-    workpiece
-        Plan touches that locate this workpiece instead: its faces, in a file like that of a jig, or library:NAME.
-    at
-        About where it stands in the base frame, x,y,z,rz,ry,rx (mm, degrees); where the jig stands if not given.
-    robust
-        So many robots drawn from the tolerances, or from what the calibration leaves open, are planned for at once.
-    worst
-        Plan for the worst of these robots, not for their mean.
     output
         Where the plan is written.
     """
-    import numpy as np
-
+    from identify.model.io.calibration_file import read_calibration
+    from identify.model.io.tables import plan_text
     from identify.report.plan import plan_page
-    from oed.planning.plan import plan as make
-    from oed.planning.plan import summary
+    from oed.planning.plan import plan, summary
 
-    if robust < 0:
-        raise InputError(f"--robust is {robust}, expected how many robots to draw, 10 for example")
+    if choice.robust < 0:
+        raise InputError(f"--robust is {choice.robust}, expected how many robots to draw, 10 for example")
     described = load_cell(cell)
-    if workpiece is not None:
-        from oed.cli.workpiece import touches_of
-
-        touches_of(workpiece, described, cell, n, at, after, output, seed, json)
+    if body.workpiece is not None:
+        _plan_workpiece(body.workpiece, body.at, described, cell, choice.n, after, output, seed, json)
         return
-    known = None if after is None else read_calibration(after)
-    with progress(not json) as say:
-        result = make(
-            described, n, criterion, strategy, np.random.default_rng(seed), target=target, after=known, robust=robust,
-            worst=worst, progress=say,
-        )  # fmt: skip
+    calibration = None if after is None else read_calibration(after)
+    with progress(not json) as on_progress:
+        result = plan(
+            described,
+            choice.n,
+            choice.criterion,
+            choice.strategy,
+            np.random.default_rng(seed),
+            target=choice.target,
+            after=calibration,
+            robust=choice.robust,
+            worst=choice.worst,
+            progress=on_progress,
+        )
     write_text(output, plan_text(result.plan, described.robot))
     told = summary(result) | {"seed": seed}
-    write_summary(output.with_suffix(".json"), told, {cell.name: digest(cell)} | dict(described.sources))
+    write_json(output.with_suffix(".json"), told, {cell.name: digest(cell)} | dict(described.sources))
     write_text(output.with_suffix(".html"), plan_page(described, result.plan, told))
     if json:
         print_json(told)
@@ -89,12 +112,30 @@ def plan(
         print(story(told, output))
 
 
-def write_summary(path: Path, told: dict[str, Any], inputs: dict[str, str]) -> None:
-    """What made a plan, and what it promises, beside it."""
-    from importlib.metadata import version
-    from json import dumps
+def _plan_workpiece(
+    workpiece: str, at: str | None, cell: "Cell", cell_file: Path, n: int | None, after: Path | None, output: Path,
+    seed: int, json: bool,
+) -> None:  # fmt: skip
+    """Write plan.csv, plan.json, and plan-cell.yaml: the cell with the workpiece in the place of the jig."""
+    from identify.model.io.calibration_file import read_calibration
+    from identify.model.io.description import named_jig, read_jig
+    from identify.model.io.entries import POSE_UNIT
+    from identify.model.io.tables import plan_text
+    from oed.planning.workpiece import plan_workpiece
 
-    write_text(path, dumps({"touchcal": version("touchcal"), "inputs": inputs} | told, indent=1) + "\n")
+    pose = None if at is None else numbers(at, 6, "--at") * POSE_UNIT
+    file = named_jig(workpiece)
+    calibration = None if after is None else read_calibration(after)
+    result = plan_workpiece(cell, read_jig(file), n, np.random.default_rng(seed), at=pose, after=calibration)
+    beside = output.with_name(f"{output.stem}-cell.yaml")
+    write_text(output, plan_text(result.plan, cell.robot))
+    write_text(beside, cell_text(cell_file, beside, workpiece, result.cell))
+    told = workpiece_summary(result) | {"seed": seed}
+    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file), workpiece: digest(file)})
+    if json:
+        print_json(told)
+    else:
+        print(workpiece_story(told, output, beside, after))
 
 
 def story(told: dict[str, Any], output: Path) -> str:
@@ -132,3 +173,67 @@ def _certificate(told: dict[str, Any]) -> list[str]:
     if told["manifold"] is not None:
         lines.append(f"at least {100 * told['manifold']:.1f} % of the best possible over {told['manifold_covers']}")
     return lines
+
+
+def cell_text(original: Path, beside: Path, workpiece: str, placed: "Cell") -> str:
+    """A cell file like the original, with the workpiece as its jig; paths lead from where it will lie."""
+    from io import StringIO
+
+    from ruamel.yaml import YAML
+
+    from identify.model.io.description import LIBRARY
+    from identify.model.io.entries import pose_entry
+
+    yaml = YAML()
+    document = yaml.load(original.read_text(encoding="utf-8-sig"))
+    robot = document["robot"]
+    if isinstance(robot, str):
+        document["robot"] = robot if robot.startswith(LIBRARY) else relpath(original.parent / robot, beside.parent)
+    else:
+        robot["urdf"] = relpath(original.parent / robot["urdf"], beside.parent)
+    document["jig"] = workpiece if workpiece.startswith(LIBRARY) else relpath(workpiece, beside.parent)
+    document["base"] = {key: round(value, 6) for key, value in dict(pose_entry(placed.base)).items()}  # type: ignore[arg-type]
+    document.pop("zone", None)
+    out = StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
+def workpiece_summary(result: "WorkpiecePlan") -> dict[str, Any]:
+    """What `--json` says."""
+    return {
+        "touches": len(result.plan),
+        "faces": result.faces,
+        "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
+        "curve": [{"touches": n, "faces": faces, "p95_mm": error} for n, faces, error in result.curve],
+        "minutes": result.minutes,
+        "notes": list(result.notes),
+    }
+
+
+def workpiece_story(told: dict[str, Any], output: Path, beside: Path, after: Path | None) -> str:
+    """The plan as a person reads it."""
+    from oed.planning.workpiece import FEWEST
+
+    promise, lines = told["promise"], []
+    lines.append(f"{told['touches']} touches: {_on(told['faces'])}; about {told['minutes']:.0f} minutes")
+    error = f"RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm"
+    lines.append(f"promised error of the corners in the base frame: {error}")
+    lines += [
+        f"{'minimal: ' if point['touches'] == FEWEST else '':>10}{point['touches']:3} touches  95 % "
+        f"{point['p95_mm']:.3f} mm  {_on(point['faces'])}"
+        for point in told["curve"]
+    ]
+    if after is None:
+        lines.append(
+            "note: this is for a robot as drawn, with its tolerances; --after calibration.json knows it better"
+        )
+    lines += [f"note: {sentence}" for sentence in told["notes"]]
+    known = "" if after is None else f" --after {after}"
+    return "\n".join([
+        *lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}{known}"
+    ])  # fmt: skip
+
+
+def _on(faces: dict[str, int]) -> str:
+    return ", ".join(f"{count} on {name}" for name, count in faces.items())

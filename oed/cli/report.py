@@ -3,16 +3,15 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from identify.estimation.verification import verify
 from identify.model.files import digest, write_text
-from identify.model.io.calibration_file import Calibration, calibration_entry, read_calibration
-from identify.report.certificate import Issue
-from identify.report.report import report as make
 from oed.cli.options import CellFile, ladder_lines, load_cell, read_measured
+
+if TYPE_CHECKING:
+    from identify.model.io.calibration_file import Calibration
 
 
 def report(
@@ -49,6 +48,11 @@ def report(
     from importlib.metadata import version
     from json import dumps
 
+    from identify.estimation.verification import verify
+    from identify.model.io.calibration_file import calibration_entry, read_calibration
+    from identify.report.certificate import Issue
+    from identify.report.report import report as make
+
     found = _with_shapes(read_calibration(calibration), cell)
     measured, _ = read_measured(list(_inputs(found, calibration.parent)), found.cell, trust_units=True)
     verified = verify(found, *read_measured(unseen, found.cell, trust_units=False)[0]) if unseen else None
@@ -59,7 +63,7 @@ def report(
     print("\n".join([*ladder_lines(found), f"wrote {output}; open it in a browser, it needs no network"]))
 
 
-def _with_shapes(found: Calibration, path: Path) -> Calibration:
+def _with_shapes(found: "Calibration", path: Path) -> "Calibration":
     """The calibration of a robot that looks as the cell file says, if that is there and of the same robot."""
     if not path.is_file():
         return found
@@ -69,7 +73,7 @@ def _with_shapes(found: Calibration, path: Path) -> Calibration:
     return replace(found, cell=replace(found.cell, robot=replace(found.cell.robot, shapes=robot.shapes)))
 
 
-def _inputs(found: Calibration, folder: Path) -> Iterable[Path]:
+def _inputs(found: "Calibration", folder: Path) -> Iterable[Path]:
     """Files of the fit that are still there and unchanged."""
     for name, known in found.inputs.items():
         path = folder / name

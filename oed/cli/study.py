@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from identify.model.files import InputError
-from oed.cli.options import Json, Seed, print_json, progress
+from oed.cli.options import Json, Seed, print_json
+from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
     from studies.engine import Compute

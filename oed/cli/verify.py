@@ -3,9 +3,7 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from identify.estimation.verification import verify as verify_measured
 from identify.model.files import InputError
-from identify.model.io.calibration_file import read_calibration
 from oed.cli.options import Json, TrustUnits, errors_table, print_json, read_measured
 
 
@@ -23,6 +21,9 @@ def verify(calibration: Path, *files: Path, trust_units: TrustUnits = False, jso
     files
         touches.csv or positions.csv files that were not used.
     """
+    from identify.estimation.verification import verify as verify_measured
+    from identify.model.io.calibration_file import read_calibration
+
     if not files:
         raise InputError("nothing to verify with: name a touches.csv or positions.csv that was not used in the fit")
     identified = read_calibration(calibration)

@@ -7,7 +7,6 @@ from cyclopts import Parameter
 
 from identify.model.files import InputError
 from oed.cli.options import CellFile, Seed, load_cell
-from probe.virtual.command import choose_truth, run
 
 
 def virtual(
@@ -48,6 +47,8 @@ def virtual(
     log
         Write what was executed and truly touched, as JSON lines.
     """
+    from probe.virtual.command import choose_truth, run
+
     described = load_cell(cell)
     if speed <= 0:
         raise InputError(f"--speed is {speed:g}, expected a number above 0")

@@ -1,6 +1,5 @@
 """Touch, identify and plan by turns: against hidden robots that only the simulator knows."""
 
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import reduce
 
@@ -15,10 +14,10 @@ from identify.model.touch import Plan, joined
 from identify.model.zone import zone_poses
 from identify.uncertainty.assurance import assured
 from oed.campaigns.campaign import Job, campaign
+from oed.campaigns.connection import Connection
 from oed.campaigns.folder import Folder, over_port, touches_of
 from oed.planning.uncertain import begun, plan_under_uncertainty
 from probe import Settings
-from probe.line.clock import Clock
 from probe.line.controller import TouchError
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth, draw_truth
@@ -234,11 +233,11 @@ def test_a_campaign_that_stops_names_no_option_that_it_does_not_have(known, firs
     def stop(*_, **__):
         raise TouchError("move it there by hand, then go on with --resume --trust-position")
 
-    monkeypatch.setattr("oed.campaigns.folder.open_controller", stop)
+    monkeypatch.setattr("oed.campaigns.connection.open_controller", stop)
     job = Job(1, known, first, True, 1.0)
 
     with pytest.raises(TouchError, match="go on with the same command and --trust-position"):
-        over_port(tmp_path, known, lambda job: nullcontext("loop://"), "line", Settings(), Clock())(job)
+        over_port(tmp_path, known, Connection("loop://", "line"), Settings())(job)
 
 
 def test_a_stage_without_all_its_rows_is_not_complete(known, first, tmp_path):

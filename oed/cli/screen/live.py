@@ -3,11 +3,12 @@
 import sys
 from collections import deque
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from probe.runs.events import Drifted, Event, Recovered, Retried, Started, Touched, Touching, Waiting
+if TYPE_CHECKING:
+    from probe.runs.events import Event, Touched
 
 ROWS = 14  # touches in sight
 
@@ -35,8 +36,10 @@ class Screen:
             self._live.stop()
             self._live = None
 
-    def tell(self, event: Event) -> None:
+    def tell(self, event: "Event") -> None:
         """Show what happened."""
+        from probe.runs.events import Drifted, Recovered, Retried, Started, Touched, Touching, Waiting
+
         match event:
             case Started(total, done, controller):
                 self.total, self.done = total, done
@@ -54,7 +57,7 @@ class Screen:
             case _:
                 pass
 
-    def _touched(self, event: Touched) -> None:
+    def _touched(self, event: "Touched") -> None:
         self.done, self.left = event.done, event.seconds_left
         residual = "" if np.isnan(event.residual) else f"{event.residual:+.3f}"
         surprise = "" if np.isnan(event.surprise) else f"{event.surprise:+.3f}"

@@ -1,0 +1,8 @@
+"""What a person sees: help, progress, touches as they are made.
+
+In the order in which data walks through:
+
+    help      what `--help` prints
+    progress  how far work has come
+    live      touches as they are made
+"""
