@@ -1,13 +1,13 @@
 """Column generation: a restricted master holds a few hundred candidates, and all candidates are priced with its answer.
 
 The best of those that would improve it join, no two alike; idle ones leave as long as the answer improves. The bound of
-every round covers all candidates: see `oed.criteria.concave`.
+every round covers all candidates: see `oed.criteria.criterion`.
 """
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from oed.criteria.concave import Concave
+from oed.criteria.criterion import Criterion
 from oed.design.matrix import blocks, information, sensitivities
 from oed.design.restricted_master import Master
 from oed.design.weight_limits import Admissible
@@ -39,6 +39,7 @@ class Search:
         self.found = (self.columns, self.weights, self.spread)
         self.information = self.prior  # of the weights found, in the basis
         self.closeness = np.empty(0)
+        self.support = self.prior  # S of the best bound, in the basis
         self._tidied = 0.0  # level at which idle columns left last
 
     @property
@@ -83,7 +84,7 @@ class Search:
     def _mean(self, index: Int[np.ndarray, " k"]) -> Float[np.ndarray, "p p"]:
         return self.prior + information(self._lifted(index)) / len(index)
 
-    def _master(self, objective: Concave) -> Master:
+    def _master(self, objective: Criterion) -> Master:
         allowed, columns = self.allowed, self.columns
         capped = np.flatnonzero(allowed.capped[columns])
         limited = np.flatnonzero((allowed.low > 0) | (allowed.high < 1))
@@ -94,7 +95,7 @@ class Search:
             np.where(allowed.low > 0, allowed.low, -1)[limited], allowed.high[limited],
         )  # fmt: skip
 
-    def run(self, objective: Concave, gap: float) -> None:
+    def run(self, objective: Criterion, gap: float) -> None:
         """Rounds of master and pricing until the bound is met, or the objective cannot tell more."""
         smooth = 1.0
         for _ in range(ROUNDS):
@@ -110,10 +111,10 @@ class Search:
             if not self._exchange(gain, need, S) and barrier <= 0.3 * gap / len(self.columns):
                 return
 
-    def _price(self, objective: Concave, master: Master) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    def _price(self, objective: Criterion, master: Master) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Gain of all candidates, the gain that each needs to carry weight, their S, and the smooth objective's gap."""
         M = master.information(self.weights)
-        level, S = objective.support(M)
+        level, S = objective.phi(M), objective.support(M)
         gain = self.touches * sensitivities(self.rows, self.basis @ S @ self.basis.T)
         top, _ = self.allowed.best(gain)
         held = np.full(len(gain), -np.inf)
@@ -123,7 +124,7 @@ class Search:
         if level > self.level:
             self.level, self.found, self.information = level, (self.columns, self.weights, self.spread), M
         if bound < self.bound:
-            self.bound, self.closeness = bound, gain / need
+            self.bound, self.closeness, self.support = bound, gain / need, S
         return gain, need, S, bound / float(np.sum(S * M)) - 1
 
     def _exchange(self, gain: np.ndarray, need: np.ndarray, S: Float[np.ndarray, "p p"]) -> int:

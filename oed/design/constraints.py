@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-NEVER = -np.inf
+from oed.criteria.swaps import NEVER, Members
+
 SMALL = 2000  # rows of a pool of which each is compared with each, once
-Members = Int[np.ndarray, " _"]  # touches of a set; sets of several sizes meet in one signature
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from oed.criteria.criteria import Criterion, checked_zone, score
-from oed.design.constraints import Members, Rules
-from oed.design.first_order_swaps import ScreenedSwaps
+from oed.criteria.criterion import Criterion
+from oed.criteria.swaps import Members, Precision, Swaps
+from oed.design.constraints import Rules
 from oed.design.matrix import blocks, information, whitener
 from oed.design.memetic import Found, Pool, evolve
-from oed.design.problem import Task, task
-from oed.design.relaxation import ApproximateDesign, phi
-from oed.design.swaps import DeterminantSwaps, Precision, Swaps, TraceSwaps
+from oed.design.problem import DesignProblem, design_problem
+from oed.design.relaxation import ApproximateDesign
 
 CLOSE = 0.95  # candidates whose gain is this close to what weight needs make the pool,
 POOL = 500, 1500  # so many rows at the least and at the most, more for many touches
@@ -27,12 +26,9 @@ RIDGE = 1e-9  # of the information of the relaxation, so that any set has an inv
 CHUNK = 4096  # candidates compared with a set at once
 FINAL = 3  # sets of the search that are compared with every candidate
 PASSES = 50  # of that comparison; 2 to 5 are usual
-SIZE = {"determinant": 40, "trace": 20, "screened": 8}  # of a population, for 50 touches or fewer
-SMALLEST = 6
+SMALLEST = 6  # population
 SEARCHES = 12  # for each member of a population, where so many rows are close;
-CLOSE_ROWS = (
-    800  # with fewer the searches fall as their square: there are fewer good sets, and chance finds one sooner,
-)
+CLOSE_ROWS = 800  # with fewer the searches fall as their square: good sets are fewer, and chance finds one sooner,
 CHEAP = 25  # but not below that of a pool of so many rows, in which a search costs next to nothing
 
 
@@ -51,7 +47,7 @@ class ExactDesign:
 def exact_design(
     rows: Float[np.ndarray, "candidates parameters"],
     n: int | None = None,
-    criterion: str = "D",
+    criterion: str | Criterion = "D",
     *,
     rng: np.random.Generator | None = None,
     seconds: float | None = None,
@@ -76,47 +72,48 @@ def exact_design(
     rules. It makes `iterations` local searches, as many as the problem needs if not given, and is the same for the same
     `rng`; with `seconds` it goes on until they are over, and what it finds depends on the machine.
     """
-    question = task(
+    problem = design_problem(
         rows, n, criterion, prior=prior, zone=zone, fixed=fixed, face=face, quotas=quotas, positions=positions,
         min_distance=min_distance, repeats=repeats, cost=cost, budget=budget,
     )  # fmt: skip
     rng = np.random.default_rng(0) if rng is None else rng
-    relaxation = question.relaxed(repeats) if relaxation is None else relaxation
-    level, M = _scaled(question, relaxation)
+    relaxation = problem.relaxed(repeats) if relaxation is None else relaxation
+    level, M = _scaled(problem, relaxation)
     basis = whitener(M)
-    size, iterations = _effort(question, relaxation.closeness, iterations)
-    begin = np.zeros(0, int) if start is None else np.intersect1d(start, question.free)
-    found, searches = _searched(question, relaxation.closeness, basis, size, rng, _progress(seconds, iterations), begin)
-    best = max((_polished(question, basis, ids) for ids in found), key=lambda winner: winner.log)
-    chosen = best.members[best.members < len(question.rows)]
-    indices = np.concatenate([question.fixed, chosen])
-    total = question.known + information(question.rows[chosen])
+    size, iterations = _effort(problem, relaxation.closeness, iterations)
+    begin = np.zeros(0, int) if start is None else np.intersect1d(start, problem.free)
+    found, searches = _searched(problem, relaxation.closeness, basis, size, rng, _progress(seconds, iterations), begin)
+    best = max((_polished(problem, basis, ids) for ids in found), key=lambda winner: winner.log)
+    chosen = best.members[best.members < len(problem.rows)]
+    indices = np.concatenate([problem.fixed, chosen])
+    total = problem.known + information(problem.rows[chosen])
+    value = float(problem.criterion.value(total, len(indices)))
     return ExactDesign(
-        criterion=question.criterion.name,
+        criterion=problem.criterion.name,
         indices=indices,
-        value=float(score(question.criterion, total, len(indices), zone)),
-        efficiency=phi(question.criterion, total, zone) / level,
+        value=value,
+        efficiency=problem.criterion.phi(total) / level,
         relaxation=relaxation,
         searches=searches,
     )
 
 
-def _effort(question: Task, closeness: Float[np.ndarray, " candidates"], iterations: int | None) -> tuple[int, int]:
+def _effort(problem: DesignProblem, closeness: Float[np.ndarray, " candidates"], iterations: int | None) -> tuple[int, int]:
     """Members of a population, and local searches: fewer for many touches, which are nearer to the bound anyway."""
-    kind = question.criterion.swaps
-    size = max(SMALLEST, SIZE[kind] * 50 // max(50, question.slots))
+    formula = problem.criterion.formula
+    size = max(SMALLEST, formula.population * 50 // max(50, problem.slots))
     if iterations is None:
-        share = min(1.0, max((_close(question, closeness) / CLOSE_ROWS) ** 2, CHEAP / len(question.free)))
-        share = 1.0 if kind == "screened" else share  # they look at a few swaps only, and chance finds less
+        share = min(1.0, max((_close(problem, closeness) / CLOSE_ROWS) ** 2, CHEAP / len(problem.free)))
+        share = share if formula.exact else 1.0  # a few swaps are looked at, and chance finds less
         iterations = int(np.ceil(size * SEARCHES * share))
     if iterations < 1:
         raise ValueError(f"iterations: {iterations}, expected at least 1")
     return min(size, max(SMALLEST, iterations // 10)), iterations
 
 
-def _close(question: Task, closeness: Float[np.ndarray, " candidates"]) -> int:
+def _close(problem: DesignProblem, closeness: Float[np.ndarray, " candidates"]) -> int:
     """Rows that the relaxation uses or nearly uses."""
-    return int((closeness[question.free[question.free < len(question.rows)]] >= CLOSE).sum())
+    return int((closeness[problem.free[problem.free < len(problem.rows)]] >= CLOSE).sum())
 
 
 def _progress(seconds: float | None, iterations: int) -> Callable[[int], float]:
@@ -129,21 +126,21 @@ def _progress(seconds: float | None, iterations: int) -> Callable[[int], float]:
     return lambda made: (time.perf_counter() - begin) / seconds
 
 
-def _scaled(question: Task, relaxation: ApproximateDesign) -> tuple[float, Float[np.ndarray, "p p"]]:
+def _scaled(problem: DesignProblem, relaxation: ApproximateDesign) -> tuple[float, Float[np.ndarray, "p p"]]:
     """Bound and information of a relaxation, for the number of touches that is asked for."""
-    if len(relaxation.weights) != len(question.rows) or relaxation.criterion != question.criterion.name:
+    if len(relaxation.weights) != len(problem.rows) or relaxation.criterion != problem.criterion.name:
         raise ValueError(
             f"relaxation: of {len(relaxation.weights)} candidates and criterion '{relaxation.criterion}', expected "
-            f"{len(question.rows)} and '{question.criterion.name}'; make it from the same rows"
+            f"{len(problem.rows)} and '{problem.criterion.name}'; make it from the same rows"
         )
-    if question.rules.cost is not None or relaxation.touches == question.slots:
+    if problem.rules.cost is not None or relaxation.touches == problem.slots:
         return relaxation.level, relaxation.information
-    if question.known.any():
+    if problem.known.any():
         raise ValueError(
-            f"relaxation: made for {relaxation.touches} touches, expected {question.slots}, since something is known "
+            f"relaxation: made for {relaxation.touches} touches, expected {problem.slots}, since something is known "
             "already; pass touches= and prior= when making it"
         )
-    more = question.slots / relaxation.touches
+    more = problem.slots / relaxation.touches
     return more * relaxation.level, more * relaxation.information
 
 
@@ -151,26 +148,16 @@ def swaps_of(
     criterion: Criterion,
     rows: Float[np.ndarray, "some p"],
     known: Float[np.ndarray, "p p"],
-    zone: np.ndarray | None = None,
     basis: Float[np.ndarray, "p p"] | None = None,
     precision: Precision = np.float32,
 ) -> Swaps:
-    """Swaps among some rows beside information that is known, by the formula of the criterion.
+    """Swaps among some rows beside information that is known.
 
     In the `basis`, by default that of all rows together, information is about a multiple of one: single precision is
     enough then.
     """
     T = whitener(known + information(rows)) if basis is None else basis
-    X, M = rows @ T, T.T @ known @ T
-    if criterion.swaps == "determinant":
-        return DeterminantSwaps(X, M, -2 * float(np.linalg.slogdet(T)[1]) / len(T), precision)
-    if criterion.swaps == "screened":
-        return ScreenedSwaps(X, M, T, criterion, zone, np.random.default_rng(0), precision)
-    K = T
-    if criterion.needs_zone:
-        tip = checked_zone(criterion, zone, len(T))
-        K = tip.reshape(-1, len(T)) @ T / np.sqrt(len(tip))
-    return TraceSwaps(X, M, K.T @ K, precision)
+    return criterion.in_basis(T).swaps(rows @ T, T.T @ known @ T, precision)
 
 
 def exchanged(
@@ -184,25 +171,25 @@ def exchanged(
     return pool.descend(whole).members
 
 
-def _swaps(question: Task, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray, " some"]) -> Swaps:
-    """Swaps among some rows of the question."""
+def _swaps(problem: DesignProblem, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray, " some"]) -> Swaps:
+    """Swaps among some rows of the problem."""
     back = np.linalg.inv(basis)
-    known = question.known + RIDGE * back.T @ back
-    precision: Precision = np.float32 if question.slots + len(question.fixed) > len(basis) else np.float64
-    return swaps_of(question.criterion, question.taken(ids), known, question.zone, basis, precision)
+    known = problem.known + RIDGE * back.T @ back
+    precision: Precision = np.float32 if problem.slots + len(problem.fixed) > len(basis) else np.float64
+    return swaps_of(problem.criterion, problem.taken(ids), known, basis, precision)
 
 
-def _pool(question: Task, closeness: Float[np.ndarray, " candidates"], many: int) -> Int[np.ndarray, " pool"]:
+def _pool(problem: DesignProblem, closeness: Float[np.ndarray, " candidates"], many: int) -> Int[np.ndarray, " pool"]:
     """The rows that the relaxation uses or nearly uses, and the empty ones."""
-    real = question.free < len(question.rows)
-    free = question.free[real]
+    real = problem.free < len(problem.rows)
+    free = problem.free[real]
     if len(free) > many:
         free = free[np.argpartition(-closeness[free], many)[:many]]
-    return np.concatenate([np.sort(free), question.free[~real]])
+    return np.concatenate([np.sort(free), problem.free[~real]])
 
 
 def _searched(
-    question: Task,
+    problem: DesignProblem,
     closeness: np.ndarray,
     basis: np.ndarray,
     size: int,
@@ -211,27 +198,27 @@ def _searched(
     begin: Members,
 ) -> tuple[list[Members], int]:
     """The best sets of a search in a pool, from a beginning of a set; in a larger one where the rules leave none."""
-    many = max(5 * question.slots, int(np.clip(_close(question, closeness), *POOL)))
+    many = max(5 * problem.slots, int(np.clip(_close(problem, closeness), *POOL)))
     while True:
-        ids = np.union1d(_pool(question, closeness, many), begin)
-        pool = Pool(_swaps(question, basis, ids), question.rules.take(ids), question.slots)
+        ids = np.union1d(_pool(problem, closeness, many), begin)
+        pool = Pool(_swaps(problem, basis, ids), problem.rules.take(ids), problem.slots)
         sets, searches = evolve(pool, size, rng, progress, np.searchsorted(ids, begin))
         if sets:
             return [ids[one.members] for one in sets[:FINAL]], searches
-        if many >= len(question.free):
+        if many >= len(problem.free):
             raise ValueError(
-                f"rules: found no set of {question.slots} touches that keeps quotas, distance and budget; loosen one"
+                f"rules: found no set of {problem.slots} touches that keeps quotas, distance and budget; loosen one"
             )
         many *= 8
 
 
-def _polished(question: Task, basis: np.ndarray, ids: Members) -> Found:
+def _polished(problem: DesignProblem, basis: np.ndarray, ids: Members) -> Found:
     """The set after swaps with every candidate, until no single one helps."""
     best: Found | None = None
     for _ in range(PASSES):
-        newcomers = _newcomers(question, basis, ids)
+        newcomers = _newcomers(problem, basis, ids)
         local = np.concatenate([ids, newcomers])
-        pool = Pool(_swaps(question, basis, local), question.rules.take(local), len(ids))
+        pool = Pool(_swaps(problem, basis, local), problem.rules.take(local), len(ids))
         found = pool.descend(np.arange(len(ids)))
         found = Found(np.sort(local[found.members]), found.log)
         if best is not None and found.log <= best.log + 1e-12:
@@ -243,19 +230,19 @@ def _polished(question: Task, basis: np.ndarray, ids: Members) -> Found:
     return best
 
 
-def _newcomers(question: Task, basis: np.ndarray, ids: Members) -> Int[np.ndarray, " some"]:
+def _newcomers(problem: DesignProblem, basis: np.ndarray, ids: Members) -> Int[np.ndarray, " some"]:
     """The candidates that, for some touch, are the best to take its place."""
-    everyone = question.free if question.rules.repeats else np.setdiff1d(question.free, ids)
+    everyone = problem.free if problem.rules.repeats else np.setdiff1d(problem.free, ids)
     if not len(everyone):
         return everyone
     n, seats = len(ids), np.arange(len(ids))
     best, who = np.full(n, -np.inf), np.full(n, -1)
     for block in blocks(len(everyone), CHUNK):
         local = np.concatenate([ids, everyone[block]])
-        swaps = _swaps(question, basis, local)
+        swaps = _swaps(problem, basis, local)
         swaps.load(seats)
         table = swaps.table()
-        question.rules.take(local).forbid(table, seats)
+        problem.rules.take(local).forbid(table, seats)
         top = table[:, n:].argmax(axis=1)
         value = table[seats, n + top]
         better = value > best

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int
 
-from oed.design.constraints import Members, Rules
-from oed.design.swaps import Swaps
+from oed.criteria.swaps import Members, Swaps
+from oed.design.constraints import Rules
 
 HEAT = 0.02  # variety when a union is thinned, in logarithm of the criterion
 ENOUGH = 1e-7  # a gain below this, as a share of the criterion, is rounding in single precision

@@ -1,4 +1,4 @@
-"""What an exact design is asked for: checked, and in the terms of the search."""
+"""The problem of an exact design: checked, and in the terms of the search."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from oed.criteria.criteria import Criterion, checked_zone, criterion_named
-from oed.design.constraints import Members, Rules
+from oed.criteria.criteria import criterion_named
+from oed.criteria.criterion import Criterion
+from oed.criteria.swaps import Members
+from oed.design.constraints import Rules
 from oed.design.matrix import checked, checked_prior, information
 from oed.design.relaxation import ApproximateDesign, approximate_design
 
@@ -17,15 +19,14 @@ FAR = 1e9  # where empty rows are, distant from every touch
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class DesignProblem:
     """Rows to choose from, what is known beside them, and the rules; rows past the candidates are empty.
 
     A budget of time instead of a number fills as many slots as could ever fit, with empty rows where it is used up.
     """
 
     rows: Float[np.ndarray, "candidates parameters"]
-    criterion: Criterion
-    zone: np.ndarray | None
+    criterion: Criterion  # of these rows, with the zone that it needs
     fixed: Members  # touches that are in already
     known: Float[np.ndarray, "parameters parameters"]  # information of the fixed touches and the prior
     rules: Rules  # for the candidates, then as many empty rows as there are slots
@@ -34,7 +35,7 @@ class Task:
 
     def relaxed(self, repeats: bool) -> ApproximateDesign:
         """Best weights under the rules that weights can keep: number or budget, repeats, quotas."""
-        relax = partial(approximate_design, criterion=self.criterion.name, prior=self.known, zone=self.zone)
+        relax = partial(approximate_design, criterion=self.criterion, prior=self.known)
         rules, real = self.rules, len(self.rows)
         if rules.cost is not None:
             share = rules.cost[:real] / rules.budget
@@ -55,10 +56,10 @@ class Task:
         return X
 
 
-def task(
+def design_problem(
     rows: np.ndarray,
     n: int | None,
-    criterion: str,
+    criterion: str | Criterion,
     *,
     prior: np.ndarray | None,
     zone: np.ndarray | None,
@@ -70,12 +71,11 @@ def task(
     repeats: bool,
     cost: np.ndarray | None,
     budget: float | None,
-) -> Task:
-    """The question, after every check that can be made before the search."""
-    rows, chosen = checked(rows), criterion_named(criterion)
+) -> DesignProblem:
+    """The problem, after every check that can be made before the search; raises ValueError."""
+    rows = checked(rows)
     count, p = rows.shape
-    if chosen.needs_zone:
-        checked_zone(chosen, zone, p)
+    chosen = criterion_named(criterion).on(zone, p)
     taken = _indices(fixed, count)
     known = checked_prior(prior, p) + information(rows[taken])
     if (cost is None) != (budget is None) or (n is None and budget is None):
@@ -101,7 +101,7 @@ def task(
         free &= ~rules.near(taken).any(axis=0)
     if cost is None:
         free[count:] = False
-    return Task(rows, chosen, zone, taken, known, rules, slots, np.flatnonzero(free))
+    return DesignProblem(rows, chosen, taken, known, rules, slots, np.flatnonzero(free))
 
 
 def _indices(fixed: np.ndarray | None, count: int) -> Members:

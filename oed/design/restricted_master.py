@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from oed.criteria.concave import Concave
+from oed.criteria.criterion import Criterion
 
 TO_BOUNDARY = 0.95  # share of the way to the nearest limit that a step may go
 SHRINK = 0.1  # of the barrier from one Newton step to the next
@@ -14,9 +14,9 @@ STEPS = 80
 
 @dataclass(frozen=True, eq=False)
 class Master:
-    """Maximise objective.log(base + X' diag(w) X) over weights w >= 0 with sum one, caps and shares."""
+    """Maximise objective.smooth(base + X' diag(w) X) over weights w >= 0 with sum one, caps and shares."""
 
-    objective: Concave
+    objective: Criterion
     X: Float[np.ndarray, "k p"]
     base: Float[np.ndarray, "p p"]
     capped: Int[np.ndarray, " capped"]  # which columns have a cap, and the cap
@@ -52,7 +52,7 @@ class Master:
         return np.split(u, ends)
 
     def _merit(self, w: Float[np.ndarray, " k"], distances: Float[np.ndarray, " limits"], barrier: float) -> float:
-        return self.objective.log(self.information(w)) + barrier * float(np.log(distances).sum())
+        return self.objective.smooth(self.information(w)) + barrier * float(np.log(distances).sum())
 
     def _direction(
         self,

@@ -7,8 +7,7 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float, Int
 
-from oed.design.constraints import Members
-from oed.design.swaps import Square, Swaps, Table
+from oed.criteria.swaps import Members, Swaps, Table
 
 
 class RobustSwaps(Swaps):
@@ -16,7 +15,7 @@ class RobustSwaps(Swaps):
 
     def __init__(self, robots: Sequence[Swaps], worst: bool = False):
         self.robots, self.worst = list(robots), worst
-        super().__init__(robots[0].rows, robots[0].known)
+        super().__init__(robots[0].rows, robots[0].known, robots[0].criterion)
 
     def among(self, index: Int[np.ndarray, " some"]) -> Self:
         """The same for some of the rows."""
@@ -32,10 +31,6 @@ class RobustSwaps(Swaps):
     def log(self, members: Members) -> float:
         """Mean or least of the logarithms."""
         return float(self._together([np.array(robot.log(members)) for robot in self.robots]))
-
-    def weight(self, M: Square) -> Square | None:
-        """That of the first robot."""
-        return self.robots[0].weight(M)
 
     def gains(self, members: Members) -> Float[np.ndarray, " pool"]:
         """Mean gain: the least one would be of robots that are well off already."""

@@ -6,20 +6,18 @@ With C = M^-1, rows x of the touch that goes and y of the one that comes, and B 
     tr(W C)    by  -[(1 - x'Cx) y'By + 2 x'Cy x'By - (1 + y'Cy) x'Bx] / that factor
 
 so D and the traces need covariances of the set with the pool, which follow each swap by a low-rank update. Any other
-criterion is screened with the trace that touches it (`oed.design.first_order_swaps`). Tables are single precision:
-they rank. Where there are no more touches than parameters, 1 - x'Cx is next to nothing: they need double, and no
-updates.
+criterion is ranked to first order (`oed.criteria.first_order_swaps`). Tables are single precision: they rank. Where
+there are no more touches than parameters, 1 - x'Cx is next to nothing: they need double, and no updates.
 """
 
 from abc import ABC, abstractmethod
 from copy import copy
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from oed.design.constraints import Members
-
+Members = Int[np.ndarray, " _"]  # touches of a set; sets of several sizes meet in one signature
 Square = Float[np.ndarray, "p p"]
 Table = Float[np.ndarray, "touches pool"]
 Precision = type[Any]  # np.float32 or np.float64
@@ -27,20 +25,25 @@ Precision = type[Any]  # np.float32 or np.float64
 NEVER = -np.inf  # table entry of a swap that a rule forbids
 TINY = 1e-12
 REFRESH = 50  # swaps between two recomputations of an updated table
-NEEDED = (
-    1e-3  # of a direction is seen without a touch, or less: then its update is a difference of nearly equal numbers
-)
+NEEDED = 1e-3  # where less of a direction is seen without a touch, its update is a difference of nearly equal numbers
 LOST = 10.0  # roundings: a swap that leaves less of the determinant cannot be told from a ruinous one
 AT_ONCE = 4  # a quarter of the touches in excess go at once
 
 
 class Swaps(ABC):
-    """Sets of rows of one pool, beside information already known; rows are scaled to about unit information."""
+    """Sets of rows of one pool, beside information already known; rows are scaled to about unit information.
 
-    still = 0.0  # table entry of a swap that changes nothing
+    The `criterion` is one of `oed.criteria.criterion`, in the basis of the rows.
+    """
 
-    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square, precision: Precision = np.float32):
-        self.known, self.precision = known, precision
+    still: ClassVar[float] = 0.0  # table entry of a swap that changes nothing
+    exact: ClassVar[bool] = True  # whether a table tells what a swap changes, or ranks swaps only
+    population: ClassVar[int] = 8  # sets that a search holds for 50 touches: more where a table costs less
+
+    def __init__(
+        self, rows: Float[np.ndarray, "pool p"], known: Square, criterion: Any, precision: Precision = np.float32
+    ):
+        self.known, self.criterion, self.precision = known, criterion, precision
         self._hold(rows)
 
     def _hold(self, rows: Float[np.ndarray, "pool p"]) -> None:
@@ -54,13 +57,14 @@ class Swaps(ABC):
         other._hold(self.rows[index])
         return other
 
-    @abstractmethod
     def log(self, members: Members) -> float:
         """Logarithm of the criterion, homogeneous of degree one and larger being better, in double precision."""
+        return float(self.criterion.log(self.information(members)))
 
-    @abstractmethod
-    def weight(self, M: Square) -> Square | None:
-        """W of the trace tr(W C) that the criterion is, or that touches it here; None for the determinant."""
+    def slope(self, M: Square) -> Square:
+        """Gradient of that logarithm."""
+        slope: Square = self.criterion.slope(M)
+        return slope
 
     @abstractmethod
     def table(self) -> Table:
@@ -92,28 +96,15 @@ class Swaps(ABC):
         self.members[a] = j
         self.load(self.members)
 
-    def _worth(self, members: Members, X: Float[np.ndarray, "k p"]) -> tuple[np.ndarray, np.ndarray, float]:
-        """For some rows beside a set x'Cx, x'CWCx and tr(W C), 1 if that vanishes; W is M for the determinant."""
-        M = self.information(members)
-        C, W = np.linalg.inv(M), self.weight(M)
-        XC = X @ C
-        d = np.einsum("ij,ij->i", XC, X)
-        if W is None:
-            return d, d, float(len(C))
-        parts = W * C
-        trace = float(parts.sum())
-        return d, np.einsum("ij,ij->i", XC @ W, XC), trace if trace > 1e-6 * np.abs(parts).sum() else 1.0
-
     def gains(self, members: Members) -> Float[np.ndarray, " pool"]:
-        """What each row of the pool would add to a set, as a share of what it is worth."""
-        d, b, trace = self._worth(members, self.rows)
-        return np.log1p(d) if b is d else b / (1 + d) / trace
+        """What each row of the pool would add to a set: x'Sx / (1 + x'Cx), of the trace that touches the criterion."""
+        M = self.information(members)
+        return forms(self.rows, self.slope(M)) / (1 + forms(self.rows, np.linalg.inv(M)))
 
     def losses(self, members: Members) -> Float[np.ndarray, " touches"]:
         """What a set would lose with each of its touches, in the same measure."""
-        d, b, trace = self._worth(members, self.rows[members])
-        left = np.maximum(1 - d, 1e-9)
-        return -np.log(left) if b is d else b / left / trace
+        M, X = self.information(members), self.rows[members]
+        return forms(X, self.slope(M)) / np.maximum(1 - forms(X, np.linalg.inv(M)), 1e-9)
 
     def thinned(self, members: Members, n: int, heat: float, rng: np.random.Generator) -> Members:
         """The n touches that are left when those that matter least go, a few at once, with `heat` for variety."""
@@ -129,20 +120,16 @@ class DeterminantSwaps(Swaps):
     """det(M)^(1/p); the table holds the factors of the determinant."""
 
     still = 1.0
+    population = 40
 
-    def __init__(
-        self, rows: Float[np.ndarray, "pool p"], known: Square, unit: float = 0.0, precision: Precision = np.float32
-    ):
-        super().__init__(rows, known, precision)
-        self.unit = unit  # logarithm of the criterion of the identity, in the units that came in
+    def gains(self, members: Members) -> Float[np.ndarray, " pool"]:
+        """Logarithm of the factor of the determinant."""
+        return np.log1p(forms(self.rows, np.linalg.inv(self.information(members))))
 
-    def log(self, members: Members) -> float:
-        """Log det over the number of parameters."""
-        return self.unit + float(np.linalg.slogdet(self.information(members))[1]) / self.rows.shape[1]
-
-    def weight(self, M: Square) -> Square | None:
-        """None: not a trace."""
-        return None
+    def losses(self, members: Members) -> Float[np.ndarray, " touches"]:
+        """The same for a touch that goes."""
+        X = self.rows[members]
+        return -np.log(np.maximum(1 - forms(X, np.linalg.inv(self.information(members))), 1e-9))
 
     def load(self, members: Members) -> None:
         """Covariances of the set with the pool, and variances of the pool."""
@@ -212,19 +199,15 @@ class TraceSwaps(DeterminantSwaps):
     """1 / tr(W C); the table holds by how much of itself the trace falls."""
 
     still = 0.0
+    population = 20
 
-    def __init__(self, rows: Float[np.ndarray, "pool p"], known: Square, W: Square, precision: Precision = np.float32):
-        super().__init__(rows, known, precision=precision)
-        self.W = W
-        self.low_W = W.astype(precision)
+    gains, losses = Swaps.gains, Swaps.losses
 
-    def log(self, members: Members) -> float:
-        """Minus the logarithm of the trace."""
-        return -float(np.log(np.sum(np.linalg.inv(self.information(members)) * self.W)))
-
-    def weight(self, M: Square) -> Square | None:
-        """The W that was given."""
-        return self.W
+    def __init__(
+        self, rows: Float[np.ndarray, "pool p"], known: Square, criterion: Any, precision: Precision = np.float32
+    ):
+        super().__init__(rows, known, criterion, precision)
+        self.low_W = criterion.W.astype(precision)
 
     def load(self, members: Members) -> None:
         """Covariances, and the same with B in the place of C."""
@@ -277,3 +260,8 @@ class TraceSwaps(DeterminantSwaps):
         self.B[a] = R[1]
         self.B += np.matmul(PR[:, self.members].T, change, out=self.spare)
         return A
+
+
+def forms(X: Float[np.ndarray, "k p"], Q: Square) -> Float[np.ndarray, " k"]:
+    """The number x'Qx of every row."""
+    return np.einsum("ij,ij->i", X @ Q, X)
