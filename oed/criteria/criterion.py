@@ -19,6 +19,7 @@ from oed.criteria.swaps import Precision, Square, Swaps
 
 Batch = Float[np.ndarray, "*batch"]
 Squares = Float[np.ndarray, "*batch p p"]
+Rows = Float[np.ndarray, "k p"]
 SAMPLES = 16  # points of a neighbourhood over which a gradient is averaged
 STEP = 1e-5  # of the finite differences there, relative
 
@@ -63,7 +64,7 @@ class Criterion(ABC):
         """Gradient of `smooth`: a touch x raises it by x' slope x per unit of weight."""
 
     @abstractmethod
-    def curvature(self, M: Square, X: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k k"]:
+    def curvature(self, M: Square, X: Rows) -> Float[np.ndarray, "k k"]:
         """Minus the Hessian of `smooth` in the weights of the touches X."""
 
     def value(self, M: Squares, touches: int = 1) -> Batch:
@@ -92,7 +93,7 @@ class Criterion(ABC):
         """An S with phi(M') <= tr(S M') for every M': the tangent of a concave function."""
         return self.phi(M) * self.slope(M)
 
-    def on(self, zone: np.ndarray | None, parameters: int) -> Self:  # noqa: ARG002
+    def on(self, zone: np.ndarray | None, parameters: int) -> Self:
         """The criterion of a problem: of the poses of a zone, if it needs them."""
         return self
 
@@ -104,7 +105,7 @@ class Criterion(ABC):
         """The change of parameters in which the relaxation computes, where T makes the information one."""
         return T
 
-    def needs(self, unseen: Float[np.ndarray, "p u"], seen: Float[np.ndarray, "p s"]) -> bool:  # noqa: ARG002
+    def needs(self, unseen: Float[np.ndarray, "p u"], seen: Float[np.ndarray, "p s"]) -> bool:
         """Whether the value depends on directions that no row sees."""
         return True
 
@@ -121,11 +122,13 @@ class Criterion(ABC):
         """What swaps among rows change, beside information that is known."""
         return self.formula(rows, known, self, precision)
 
-    def blurred_slope(self, M: Square, blur: float) -> Square:  # noqa: ARG002
+    def blurred_slope(self, M: Square, blur: float) -> Square:
         """Gradient of `log`, averaged over a neighbourhood where it has kinks."""
         return self.slope(M)
 
-    def logs_after(self, M: Square, x: Float[np.ndarray, "k p"], y: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k"]:
+    def logs_after(
+        self, M: Square, x: Float[np.ndarray, "k p"], y: Float[np.ndarray, "k p"]
+    ) -> Float[np.ndarray, " k"]:
         """`log` after each of some swaps, of a row x for a row y."""
         return self.power(self.value(M - x[:, :, None] * x[:, None, :] + y[:, :, None] * y[:, None, :]))
 

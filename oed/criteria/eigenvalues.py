@@ -1,7 +1,4 @@
-"""Criteria of the eigenvalues of the information: what its singular values say about observability.
-
-`oed.criteria.criteria` has the published functions of them; here are the concave functions behind, with their derivatives.
-"""
+"""Criteria of the eigenvalues of the information: concave functions, with derivatives, behind published indices."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -11,9 +8,10 @@ from typing import ClassVar, Self
 import numpy as np
 from jaxtyping import Float
 
-from oed.criteria.criterion import Batch, Criterion, FunctionCriterion, Squares
+from oed.criteria.criterion import Batch, Criterion, FunctionCriterion, Rows, Squares
 from oed.criteria.swaps import DeterminantSwaps, Square, Swaps
 
+ROUNDING = 1e-15  # of the largest eigenvalue
 SHARPEST = 512.0  # exponent of a power mean that stands for the least eigenvalue, or the largest variance
 GENTLE = 8.0  # exponent where a direction is asked for and not a bound
 
@@ -25,12 +23,13 @@ class EigenvalueCriterion(FunctionCriterion):
     back: Square | None = None  # rows in the units that came in are X back
 
     def numbers(self, M: Squares) -> Float[np.ndarray, "*batch p"]:
-        """Eigenvalues, in ascending order."""
-        return np.linalg.eigvalsh(M if self.back is None else self.back.T @ M @ self.back)
+        """Eigenvalues, in ascending order; zero where they are rounding."""
+        eigenvalues = np.linalg.eigvalsh(M if self.back is None else self.back.T @ M @ self.back)
+        return np.where(eigenvalues > ROUNDING * eigenvalues[..., -1:], eigenvalues, 0.0)
 
     def at(self, numbers: Float[np.ndarray, "*batch p"]) -> Batch:
         """The function of singular values."""
-        return self.function(np.sqrt(np.maximum(np.sort(numbers, axis=-1)[..., ::-1], 0)))
+        return self.function(np.sqrt(np.sort(numbers, axis=-1)[..., ::-1]))
 
     def along(self, M: Square, rates: Callable[[Float[np.ndarray, " p"]], Float[np.ndarray, " p"]]) -> Square:
         """V diag(rates / eigenvalues) V'."""
@@ -70,7 +69,7 @@ class GeometricMean(EigenvalueCriterion):
         """M^-1 / p."""
         return np.linalg.inv(M) / len(M)
 
-    def curvature(self, M: Square, X: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k k"]:
+    def curvature(self, M: Square, X: Rows) -> Float[np.ndarray, "k k"]:
         """Squared covariances of the touches, over p."""
         return (X @ np.linalg.inv(M) @ X.T) ** 2 / len(M)
 
@@ -102,7 +101,7 @@ class PowerMean(EigenvalueCriterion):
         """M^-(q+1) / tr(M^-q)."""
         return self.along(M, lambda eigenvalues: (share := self._powers(eigenvalues)) / share.sum())
 
-    def curvature(self, M: Square, X: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k k"]:
+    def curvature(self, M: Square, X: Rows) -> Float[np.ndarray, "k k"]:
         """Divided differences of eigenvalue^-(q+1) (Daleckii and Krein), minus q times the square of the gradient."""
         q = self.exponent
         eigenvalues, V = self._eigen(M)
@@ -156,6 +155,6 @@ class Conditioning(EigenvalueCriterion):
         """The blurred one."""
         return self.blurred_slope(M, self.blurs[0])
 
-    def curvature(self, M: Square, X: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k k"]:
+    def curvature(self, M: Square, X: Rows) -> Float[np.ndarray, "k k"]:
         """That of the smallest eigenvalue."""
         return self.relaxed.curvature(M, X)

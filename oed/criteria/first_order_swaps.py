@@ -6,6 +6,7 @@ small neighbourhood, then over wider ones as long as no swap helps.
 """
 
 import numpy as np
+from jaxtyping import Int
 
 from oed.criteria.swaps import NEVER, Members, Square, Swaps, Table
 
@@ -52,12 +53,17 @@ class FirstOrderSwaps(Swaps):
 
     def best(self, table: Table) -> tuple[int, int, float]:
         """The best of the most promising swaps, with its true factor."""
-        few = min(FEW, table.size)
-        picked = np.argpartition(-table, few - 1, axis=None)[:few]
-        picked = picked[table.ravel()[picked] > NEVER]
-        if not len(picked):
+        a, j = promising(table)
+        if not len(a):
             return 0, 0, 0.0
-        a, j = np.divmod(picked, table.shape[1])
-        logs = self.criterion.logs_after(self.information(self.members), self.rows[self.members[a]], self.rows[j])
+        logs = self.logs_after(a, j)
         k = int(np.argmax(logs))
         return int(a[k]), int(j[k]), float(np.exp(logs[k] - self.log(self.members)))
+
+
+def promising(table: Table) -> tuple[Int[np.ndarray, " few"], Int[np.ndarray, " few"]]:
+    """Touches and rows of the swaps that a table ranks best, without those that a rule forbids."""
+    few = min(FEW, table.size)
+    picked = np.argpartition(-table, few - 1, axis=None)[:few]
+    a, j = np.divmod(picked[table.ravel()[picked] > NEVER], table.shape[1])
+    return a, j

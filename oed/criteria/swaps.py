@@ -78,6 +78,12 @@ class Swaps(ABC):
     def best(self, table: Table) -> tuple[int, int, float]:
         """The best swap of a table: touch, row, and the factor by which the criterion grows."""
 
+    def logs_after(self, a: Int[np.ndarray, " k"], j: Int[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Logarithm of the criterion after each of some swaps of a touch for a row, in double precision."""
+        M = self.information(self.members)
+        logs: np.ndarray = self.criterion.logs_after(M, self.rows[self.members[a]], self.rows[j])
+        return logs
+
     def look_wider(self) -> bool:
         """Whether there is another table to look at, when the best swap of this one does not help."""
         return False

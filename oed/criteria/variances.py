@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from jaxtyping import Float
 
-from oed.criteria.criterion import Batch, FunctionCriterion, Squares
+from oed.criteria.criterion import Batch, FunctionCriterion, Rows, Squares
 from oed.criteria.eigenvalues import GENTLE, SHARPEST
 from oed.criteria.swaps import Square, Swaps, TraceSwaps
 
@@ -72,7 +72,9 @@ class VarianceCriterion(FunctionCriterion):
         """Whether the tip in the zone moves along directions that no row sees."""
         return bool(np.abs(self.poses @ unseen).max(initial=0.0) >= UNSEEN * np.abs(self.poses @ seen).max(initial=0.0))
 
-    def logs_after(self, M: Square, x: Float[np.ndarray, "k p"], y: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k"]:
+    def logs_after(
+        self, M: Square, x: Float[np.ndarray, "k p"], y: Float[np.ndarray, "k p"]
+    ) -> Float[np.ndarray, " k"]:
         """By the formula of the trace, for every pose."""
         C, J = np.linalg.inv(M), self.poses.reshape(-1, len(M)).T
         shape = (len(x), *self.poses.shape[:2])
@@ -120,7 +122,7 @@ class MeanVariance(VarianceCriterion):
         KC = self.K @ np.linalg.inv(M)
         return KC.T @ KC / np.sum(KC * self.K)
 
-    def curvature(self, M: Square, X: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k k"]:
+    def curvature(self, M: Square, X: Rows) -> Float[np.ndarray, "k k"]:
         """2 (x' C x') (x' C W C x') over the trace, minus the square of the gradient."""
         B = X @ self.slope(M) @ X.T
         return 2 * (X @ np.linalg.inv(M) @ X.T) * B - np.multiply.outer(np.diag(B), np.diag(B))
@@ -132,7 +134,7 @@ class ParameterVariance(MeanVariance):
 
     needs_zone: ClassVar[bool] = False
 
-    def on(self, zone: np.ndarray | None, parameters: int) -> Self:  # noqa: ARG002
+    def on(self, zone: np.ndarray | None, parameters: int) -> Self:
         """One pose, at which every parameter is an axis."""
         return replace(self, J=np.eye(parameters)[None])
 
@@ -152,7 +154,7 @@ class LargestVariance(VarianceCriterion):
         """M^-1 W M^-1, W the mean of the poses' moment matrices over their variances."""
         return self.along(M, lambda t: -self._shares(t))
 
-    def curvature(self, M: Square, X: Float[np.ndarray, "k p"]) -> Float[np.ndarray, "k k"]:
+    def curvature(self, M: Square, X: Rows) -> Float[np.ndarray, "k k"]:
         """That of a trace, and (r - 1) times the spread of the poses' gradients."""
         t, JC = self._variances(M)
         share = self._shares(t)

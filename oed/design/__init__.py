@@ -9,8 +9,6 @@ In the order in which data walks through:
     relaxation         approximate designs with a bound that nothing beats
     constraints        which sets of touches are allowed
     problem            an exact design problem, checked
-    swaps              a criterion after every single swap, one table
-    first_order_swaps  swaps ranked by a trace, for a criterion without a formula of its own
     robust             swaps judged by several robots at once
     memetic            a search over sets: descents by swaps, recombined
     exact              exact designs: the n touches that tell the most

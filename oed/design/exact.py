@@ -82,7 +82,8 @@ def exact_design(
     basis = whitener(M)
     size, iterations = _effort(problem, relaxation.closeness, iterations)
     begin = np.zeros(0, int) if start is None else np.intersect1d(start, problem.free)
-    found, searches = _searched(problem, relaxation.closeness, basis, size, rng, _progress(seconds, iterations), begin)
+    progress = _progress(seconds, iterations)
+    found, searches = _searched(problem, relaxation.closeness, basis, size, rng, progress, begin)
     best = max((_polished(problem, basis, ids) for ids in found), key=lambda winner: winner.log)
     chosen = best.members[best.members < len(problem.rows)]
     indices = np.concatenate([problem.fixed, chosen])
@@ -98,7 +99,9 @@ def exact_design(
     )
 
 
-def _effort(problem: DesignProblem, closeness: Float[np.ndarray, " candidates"], iterations: int | None) -> tuple[int, int]:
+def _effort(
+    problem: DesignProblem, closeness: Float[np.ndarray, " candidates"], iterations: int | None
+) -> tuple[int, int]:
     """Members of a population, and local searches: fewer for many touches, which are nearer to the bound anyway."""
     formula = problem.criterion.formula
     size = max(SMALLEST, formula.population * 50 // max(50, problem.slots))

@@ -51,8 +51,8 @@ def approximate_design(
 
     `touches` is the number that shares the weights (it matters beside a prior), `cap` the largest weight (1 / touches
     where no touch is repeated), `quotas` the smallest and largest share of weight per face. A criterion is one of
-    `CRITERIA` or an object of your own. O2 and O4 have no concave form: their weights are those of E, and their bound is
-    nan. E and G have kinks: their gap ends near 1e-3.
+    `CRITERIA` or an object of your own. O2 and O4 have no concave form: their weights are those of E, and their bound
+    is nan. E and G have kinks: their gap ends near 1e-3.
     """
     rows = checked(rows)
     chosen = criterion_named(criterion).on(zone, rows.shape[1])
@@ -70,7 +70,7 @@ def approximate_design(
         criterion=chosen.name,
         weights=search.all_weights(),
         value=value,
-        bound=value * ratio**chosen.degree,
+        bound=value * ratio**chosen.degree if inner.certified else np.nan,
         gap=ratio - 1,
         information=back.T @ search.information @ back,
         closeness=search.closeness,

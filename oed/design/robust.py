@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 from jaxtyping import Float, Int
 
+from oed.criteria.first_order_swaps import promising
 from oed.criteria.swaps import Members, Swaps, Table
 
 
@@ -64,7 +65,19 @@ class RobustSwaps(Swaps):
         """The table itself."""
         return table
 
+    def look_wider(self) -> bool:
+        """Whether some robot has another table to look at."""
+        wider = [robot.look_wider() for robot in self.robots]  # all of them, in step
+        return any(wider)
+
     def best(self, table: Table) -> tuple[int, int, float]:
-        """The best swap, and the factor by which the criterion grows."""
-        a, j = divmod(int(table.argmax()), table.shape[1])
-        return a, j, float(np.exp(table[a, j]))
+        """The best swap, and the factor by which the criterion grows; computed where tables only rank."""
+        if all(robot.exact for robot in self.robots):
+            a, j = divmod(int(table.argmax()), table.shape[1])
+            return a, j, float(np.exp(table[a, j]))
+        first, second = promising(table)
+        if not len(first):
+            return 0, 0, 0.0
+        logs = self._together([robot.logs_after(first, second) for robot in self.robots])
+        k = int(np.argmax(logs))
+        return int(first[k]), int(second[k]), float(np.exp(logs[k] - self._together([np.array(x) for x in self.logs])))

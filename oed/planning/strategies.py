@@ -10,11 +10,10 @@ from jaxtyping import Float
 from identify.uncertainty.information import drawn, touch_sigma
 from oed.candidates.candidates import Candidates
 from oed.candidates.even import even
-from oed.criteria.aim import Aim, mean_square
-from oed.criteria.criteria import CRITERIA
-from oed.design.relaxation import ApproximateDesign, phi
+from oed.criteria.criterion import Criterion
+from oed.design.relaxation import ApproximateDesign
 from oed.planning.candidate_set import Offer
-from oed.planning.visitable import Best, Pick, linked, robust, visited
+from oed.planning.visitable import Best, Pick, linked, measured, robust, visited
 from oed.refinement.certificate import certify
 from oed.refinement.coordinate import Refinement, refine, replaced
 from probe.motion.tour import Order
@@ -50,17 +49,9 @@ class Setting:
     worst: bool = False
 
     @cached_property
-    def aim(self) -> Aim:
-        """The criterion itself where it is smooth, else the smooth one that is nearest to it."""
-        if CRITERIA[self.criterion].swaps == "determinant":
-            return Aim()
-        zone = CRITERIA[self.criterion].needs_zone
-        return Aim(mean_square(self.offered.tip) if zone else np.eye(len(self.offered.known.names)))
-
-    @property
-    def smooth(self) -> bool:
-        """Whether `aim` is the criterion itself."""
-        return CRITERIA[self.criterion].swaps != "screened"
+    def measure(self) -> Criterion:
+        """The criterion, of the weld zone if it needs it."""
+        return measured(self.criterion, self.offered)
 
     def quickly(self, n: int) -> Candidates:
         """Touches as the strategy has them, not refined and not ordered."""
@@ -84,14 +75,16 @@ class Setting:
         refinement = Refinement(self.offered.known, self.offered.feasibility)
         touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.3 * share))
         M = self._information(self._rows(touches))
-        if not self.smooth:
-            return Choice(touches, found, joined, self._efficiency(M, bound))
+        efficiency, phi = self._efficiency(M, bound), self.measure.phi(M)
+        if not self.measure.certified:
+            return Choice(touches, found, joined, efficiency)
         say("bounding", 0.8)
-        manifold = certify(self.offered, refinement, self.aim, bound.information, n, visit.allowed)
-        return Choice(touches, found, joined, self._efficiency(M, bound), manifold.efficiency(self.aim, M))
+        allowed, rows = self.offered.found.take(visit.allowed), self.offered.rows[visit.allowed]
+        manifold = certify(refinement, allowed, rows, bound.support, n)
+        return Choice(touches, found, joined, efficiency, phi / manifold.level)
 
     def _searches(self, n: int) -> int:
-        return SEARCHES * 50 // max(50, n) if self.smooth else FEWER
+        return SEARCHES * 50 // max(50, n) if self.measure.formula.exact else FEWER
 
     def _pick(self, n: int) -> Pick:
         offered, rng = self.offered, self.rng
@@ -108,7 +101,7 @@ class Setting:
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
     ) -> tuple[Candidates, Order]:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
-        moved = refine(refinement, touches, self.aim, self._value, sweeps=SWEEPS, progress=say)
+        moved = refine(refinement, touches, self.measure, sweeps=SWEEPS, progress=say)
         for around in range(1, RETURNS + 1):
             order = self._ordered(moved, touches)  # so that the old ways back are still there
             if not order.blocked:
@@ -124,15 +117,6 @@ class Setting:
         """A short order of touches, which are in a good one already."""
         return self.offered.visit(touches, self.rng, start=np.arange(len(touches)), above=above)[0]
 
-    def _value(self, rows: Float[np.ndarray, "touches kept"]) -> float:
-        """Of the criterion, as a logarithm."""
-        M = self._information(rows)
-        return self.aim.value(M) if self.smooth else float(np.log(max(self._phi(M), 1e-300)))
-
-    def _phi(self, M: Float[np.ndarray, "kept kept"]) -> float:
-        zone = self.offered.tip if CRITERIA[self.criterion].needs_zone else None
-        return phi(CRITERIA[self.criterion], M, zone)
-
     def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches kept"]:
         sigma = touch_sigma(self.offered.known.cell, touches.names())
         return self.offered.known.rows(touches.q, touches.normal, sigma, approach=touches.approach)
@@ -141,4 +125,4 @@ class Setting:
         return self.offered.known.precision + rows.T @ rows
 
     def _efficiency(self, M: Float[np.ndarray, "kept kept"], bound: ApproximateDesign) -> float | None:
-        return float(self._phi(M) / bound.level) if np.isfinite(bound.level) else None
+        return self.measure.phi(M) / bound.level if np.isfinite(bound.level) else None

@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from oed.criteria.criteria import CRITERIA
+from oed.criteria.criteria import criterion_named
+from oed.criteria.criterion import Criterion
 from oed.design.constraints import Rules
 from oed.design.exact import exact_design, swaps_of
 from oed.design.memetic import Pool
@@ -115,7 +116,7 @@ class Best:
 
     offered: Offer
     n: int
-    criterion: str
+    criterion: str | Criterion
     tip: Float[np.ndarray, "poses 3 kept"] | None = None
     searches: int = FEW
 
@@ -124,13 +125,13 @@ class Best:
     ) -> Int[np.ndarray, " n"]:
         """N of those allowed; `before` are touches to begin with, as far as they are."""
         some = np.flatnonzero(allowed)
-        if before is None and CRITERIA[self.criterion].bound is None:  # swaps alone would stick far from the best
-            before = replace(self, criterion="E")(allowed, None)
+        if before is None and not self.measure.certified:  # swaps alone would stick far from the best
+            before = replace(self, criterion=self.measure.relaxed)(allowed, None)
         start = None if before is None else np.searchsorted(some, np.intersect1d(before, some))
         searches = self.searches if before is None else min(self.searches, FEW)
         found = exact_design(
-            self.offered.rows[some], self.n, self.criterion, relaxation=self.bound(allowed), start=start,
-            iterations=searches, prior=self.offered.known.precision, zone=self._zone,
+            self.offered.rows[some], self.n, self.measure, relaxation=self.bound(allowed), start=start,
+            iterations=searches, prior=self.offered.known.precision,
             positions=_places(self.offered)[some], min_distance=1.0,
         )  # fmt: skip
         return some[found.indices]
@@ -140,9 +141,8 @@ class Best:
         name = allowed.tobytes()
         if name not in self._bounds:
             self._bounds[name] = approximate_design(
-                self.offered.rows[allowed], self.criterion, GAP, touches=self.n, prior=self.offered.known.precision,
-                zone=self._zone,
-            )  # fmt: skip
+                self.offered.rows[allowed], self.measure, GAP, touches=self.n, prior=self.offered.known.precision
+            )
         return self._bounds[name]
 
     @cached_property
@@ -151,10 +151,18 @@ class Best:
         return {}
 
     @cached_property
-    def _zone(self) -> Float[np.ndarray, "poses 3 kept"] | None:
-        if not CRITERIA[self.criterion].needs_zone:
-            return None
-        return self.offered.tip if self.tip is None else self.tip
+    def measure(self) -> Criterion:
+        """The criterion, of what is to be exact."""
+        return measured(self.criterion, self.offered, self.tip)
+
+
+def measured(
+    criterion: str | Criterion, offered: Offer, tip: Float[np.ndarray, "poses 3 kept"] | None = None
+) -> Criterion:
+    """A criterion of the poses of the weld zone, or of others, if it needs poses."""
+    chosen = criterion_named(criterion)
+    zone = None if not chosen.needs_zone else offered.tip if tip is None else tip
+    return chosen.on(zone, len(offered.known.precision))
 
 
 def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool) -> Pick:
@@ -163,14 +171,10 @@ def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "mo
     The search begins with what is best for the first robot.
     """
     alone = Best(offered, n, criterion)
-    chosen, needs_zone = CRITERIA[criterion], CRITERIA[criterion].needs_zone
-    robots = [
-        swaps_of(
-            chosen, offered.rows_at(theta), offered.known.precision,
-            offered.known.tip_rows(offered.zone, theta) if needs_zone else None,
-        )
-        for theta in models
-    ]  # fmt: skip
+    robots = []
+    for theta in models:
+        here = measured(criterion, offered, offered.known.tip_rows(offered.zone, theta))
+        robots.append(swaps_of(here, offered.rows_at(theta), offered.known.precision))
     rules = Rules(len(offered.found), position=_places(offered), distance=1.0)
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:

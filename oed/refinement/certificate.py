@@ -1,23 +1,23 @@
-"""How good a plan is against the best that any touches could be, not only those on offer.
+"""How good a plan is against the best that any touches could be, not only the candidates.
 
-Kiefer and Wolfowitz (1960): a concave criterion lies below its tangent at any information M0, so no design of n touches
-beats the tangent where every touch is the one that gains most. With C = M0^-1, prior information P and touch rows f,
+A concave criterion lies below its tangent (Kiefer and Wolfowitz 1960): with S from the best weights on the candidates,
+prior information P and touch rows f, no n touches have more than
 
-    det(M)^(1/p)   <=  det(M0)^(1/p) (tr(C P) + n max f'Cf) / p
-    1 / tr(B M^-1) <=  (tr(C B C P) + n max f'CBCf) / tr(B C)^2
+    phi(M)  <=  tr(S M)  <=  tr(S P) + n max f'Sf
 
 The maximum runs over the whole manifold of touches: postures on faces within tilt, limits and insets. It is looked for
-from the best touches on offer, which are structured to hold its maxima, each polished by Ipopt. Clearance is not
+from the candidates that gain most, which are structured to hold its maxima, each polished by Ipopt. Clearance is not
 asked of them, which can only raise the bound; a maximum in no basin of these starts would be missed.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from oed.criteria.aim import Aim
-from oed.planning.candidate_set import Offer
+from identify.uncertainty.information import touch_sigma
+from oed.candidates.candidates import Candidates
+from oed.design.matrix import sensitivities
 from oed.refinement.coordinate import Refinement
 
 STARTS = 32
@@ -28,63 +28,45 @@ NEAR = 0.5  # [rad], starts of one face that are nearer than this in every joint
 class Certificate:
     """What no set of touches can beat, as far as it was looked for."""
 
-    level: float  # of det(M)^(1/p), or of 1 / tr(B M^-1)
+    level: float  # that phi of the information of n touches does not exceed
     starts: int  # touches polished to find the one that gains most
-    gain: float  # of the best touch on the manifold over the best one on offer, less 1
-
-    def efficiency(self, aim: Aim, M: Float[np.ndarray, "kept kept"]) -> float:
-        """Share of the best possible that touches of total information M reach."""
-        return float(level(aim, M) / self.level)
-
-
-def level(aim: Aim, M: Float[np.ndarray, "kept kept"]) -> float:
-    """The criterion as a function that grows in proportion to the information."""
-    value = aim.value(M)
-    return float(np.exp(value / len(M) if aim.B is None else value))
+    gain: float  # of the best touch on the manifold over the best candidate, less 1
 
 
 def certify(
-    offered: Offer,
     refinement: Refinement,
-    aim: Aim,
-    M0: Float[np.ndarray, "kept kept"],
+    touches: Candidates,
+    rows: Float[np.ndarray, "touches kept"],
+    S: Float[np.ndarray, "kept kept"],
     n: int,
-    allowed: Bool[np.ndarray, " touches"] | None = None,
 ) -> Certificate:
-    """Bound n touches by the tangent at information M0, over the manifold of touches.
+    """Bound the criterion that S supports for n touches, over the manifold around candidates with their rows.
 
-    The bound is tight where M0 is nearly the best that there is. Where not all touches on offer are `allowed`, it is
-    the bound over those like the allowed ones.
+    The bound is tight where S supports at nearly the best information that there is.
     """
-    F, P = offered.rows, offered.known.precision
-    C = np.linalg.inv(M0)
-    S = aim.weight(C)
-    gains = ((F @ S) * F).sum(axis=1)
-    if allowed is not None:
-        gains[~allowed] = 0.0
-    starts = _starts(offered, gains)
-    best = max(gains.max(), _polished(offered, refinement, starts, S))
-    total = np.trace(S @ P) + n * best
-    scale = len(M0) if aim.B is None else float(np.trace(aim.B @ C))
-    return Certificate(level(aim, M0) * total / scale, len(starts), float(best / gains.max() - 1))
+    gains = sensitivities(rows, S)
+    starts = _starts(touches, gains)
+    best = max(gains.max(), _polished(refinement, touches.take(starts), S))
+    level = float(np.sum(S * refinement.known.precision) + n * best)
+    return Certificate(level, len(starts), float(best / gains.max() - 1))
 
 
-def _starts(offered: Offer, gains: Float[np.ndarray, " touches"]) -> list[int]:
+def _starts(touches: Candidates, gains: Float[np.ndarray, " touches"]) -> np.ndarray:
     """The touches that gain most, no two alike."""
-    found, chosen = offered.found, list[int]()
+    chosen = list[int]()
     for i in np.argsort(-gains, kind="stable")[: 50 * STARTS]:
-        same = [k for k in chosen if found.face[k] == found.face[i]]
-        if not same or np.abs(found.q[same] - found.q[i]).max(axis=1).min() > NEAR:
+        same = [k for k in chosen if touches.face[k] == touches.face[i]]
+        if not same or np.abs(touches.q[same] - touches.q[i]).max(axis=1).min() > NEAR:
             chosen.append(int(i))
         if len(chosen) == STARTS:
             break
-    return chosen
+    return np.array(chosen)
 
 
-def _polished(offered: Offer, refinement: Refinement, starts: list[int], S: Float[np.ndarray, "kept kept"]) -> float:
+def _polished(refinement: Refinement, touches: Candidates, S: Float[np.ndarray, "kept kept"]) -> float:
     """The largest f'Sf that Ipopt finds from touches."""
-    index = np.array(starts)
-    touches = offered.found.take(index)
-    q = refinement.best(touches, np.zeros((len(index), *S.shape)), np.broadcast_to(S, (len(index), *S.shape)))
-    f = offered.known.rows(q, touches.normal, offered.sigma[index], approach=touches.approach + q - touches.q)
-    return float(((f @ S) * f).sum(axis=1).max())
+    every = np.broadcast_to(S, (len(touches), *S.shape))
+    q = refinement.best(touches, np.zeros(every.shape), every)
+    sigma = touch_sigma(refinement.known.cell, touches.names())
+    f = refinement.known.rows(q, touches.normal, sigma, approach=touches.approach + q - touches.q)
+    return float(sensitivities(f, S).max())

@@ -1,7 +1,8 @@
 """Move chosen touches continuously over their faces, postures and rolls, with Ipopt, one by one and then all at once.
 
-A touch moved alone changes the information by a rank-one update, so what it adds is a ratio of two quadratic forms of
-its row f: log det grows by log(1 + f'Cf), tr(B C) falls by f'CBCf / (1 + f'Cf), with C the covariance of all others.
+With C the covariance of all other touches and S the slope of the criterion there, a touch with row f raises det M by
+the factor 1 + f'Cf, and lowers a trace by a share f'Sf / (1 + f'Cf), which for the determinant grows with the same
+f'Cf. Any other criterion is touched by such a trace: so one program moves a touch for every criterion.
 """
 
 from collections.abc import Callable
@@ -16,14 +17,13 @@ from identify.model.ik import reach
 from identify.uncertainty.information import Knowledge, touch_sigma
 from oed.candidates.candidates import COLUMNS, Candidates
 from oed.candidates.feasibility import Feasibility, Infeasibility
-from oed.criteria.aim import Aim
+from oed.criteria.criterion import Criterion
 from oed.refinement.nlp import OPTIONS, Program
-from oed.refinement.simultaneous import Joint
+from oed.refinement.simultaneous import Simultaneous
 
 SHARES = np.array([1.0, 0.6, 0.3, 0.1])  # of a move, tried in turn where the whole of it cannot be made
 APART = 5.0, np.radians(3.0)  # [mm] and [rad]: touches nearer than both would be the same touch again
 ENOUGH = 2e-3  # of the criterion's logarithm that a sweep has to gain for another to follow
-Value = Callable[[Float[np.ndarray, "touches kept"]], float]  # of a set of rows; the larger the better
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +40,11 @@ class Refinement:
 
     @cached_property
     def solver(self) -> ca.Function:
-        """Ipopt on max f'Wf / (1 + f'Cf), exact second derivatives, compiled once for all touches and faces."""
+        """Ipopt on max f'Sf / (1 + f'Cf), exact second derivatives, compiled once for all touches and faces."""
         f, k = self.program.row, len(self.known.names)
-        C, W = ca.SX.sym("C", k, k), ca.SX.sym("W", k, k)
-        gain = ca.dot(f, W @ f) / (1 + ca.dot(f, C @ f))
-        p = ca.vertcat(self.program.p, ca.vec(C), ca.vec(W))
+        C, S = ca.SX.sym("C", k, k), ca.SX.sym("S", k, k)
+        gain = ca.dot(f, S @ f) / (1 + ca.dot(f, C @ f))
+        p = ca.vertcat(self.program.p, ca.vec(C), ca.vec(S))
         problem = {"x": self.program.x, "p": p, "f": -gain, "g": self.program.constraints}
         return ca.nlpsol("refine", "ipopt", problem, OPTIONS)
 
@@ -52,14 +52,17 @@ class Refinement:
         self,
         touches: Candidates,
         C: Float[np.ndarray, "touches kept kept"],
-        W: Float[np.ndarray, "touches kept kept"],
+        S: Float[np.ndarray, "touches kept kept"],
         progress: Callable[[float], None] | None = None,
     ) -> Float[np.ndarray, "touches joints"]:
-        """Where Ipopt would have touches, each alone, within joint limits, tilt and the inset of its face."""
+        """Where Ipopt would have touches, each alone, within joint limits, tilt and the inset of its face.
+
+        C is the covariance of all others, or zero to find the largest f'Sf.
+        """
         at, out = self.program.numbers(touches), touches.q.copy()
         for i in range(len(touches)):
             found = self.solver(
-                x0=at.x[i], p=np.concatenate([at.p[i], C[i].ravel(), (W[i] / _size(W[i])).ravel()]),
+                x0=at.x[i], p=np.concatenate([at.p[i], C[i].ravel(), (S[i] / _size(S[i])).ravel()]),
                 lbx=at.x_limits[0, i], ubx=at.x_limits[1, i], lbg=at.g_limits[0, i], ubg=at.g_limits[1, i],
             )  # fmt: skip
             out[i] = np.array(found["x"]).ravel()[: out.shape[1]]
@@ -135,38 +138,36 @@ class Refinement:
 def refine(
     refinement: Refinement,
     touches: Candidates,
-    aim: Aim,
-    value: Value | None = None,
+    criterion: Criterion,
     *,
     sweeps: int = 3,
     together: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Candidates:
-    """Move touches, again and again, to where they tell more by `aim`; never worse.
+    """Move touches, again and again, to where they tell more by the criterion; never worse.
 
-    A move counts only where it raises `value` of all rows, that of `aim` if not given, together with all moves before
-    it, where the touch can be made, and where no two touches become one. At last all are moved `together`, if wanted:
-    that takes as long again and gains about a tenth of what was gained before.
+    A move counts only where it raises the criterion of all touches, together with all moves before it, where the touch
+    can be made, and where no two touches become one. At last all are moved `together`, if wanted: that takes as long
+    again and gains about a tenth of what was gained before.
     """
     known, say = refinement.known, progress or (lambda share: None)
     F = known.rows(touches.q, touches.normal, touch_sigma(known.cell, touches.names()), approach=touches.approach)
-    if value is None:
 
-        def value(rows: Float[np.ndarray, "touches kept"]) -> float:
-            return aim.value(known.precision + rows.T @ rows)
+    def value(rows: Float[np.ndarray, "touches kept"]) -> float:
+        return criterion.log(known.precision + rows.T @ rows)
 
     for sweep in range(sweeps):
         before = value(F)
-        M = known.precision + F.T @ F
-        C = np.linalg.inv(M - F[:, :, None] * F[:, None, :])
-        W = C if aim.B is None else C @ aim.B @ C
-        wanted = refinement.best(touches, C, W, partial(_share, say, sweep, sweeps))
-        touches, F = _accepted(refinement, touches, F, wanted, value)
+        others = known.precision + F.T @ F - F[:, :, None] * F[:, None, :]
+        S = np.stack([criterion.slope(M) for M in others])
+        goals = refinement.best(touches, np.linalg.inv(others), S, partial(_share, say, sweep, sweeps))
+        touches, F = _accepted(refinement, touches, F, goals, value)
         if value(F) - before < ENOUGH:
             break
     if together:
-        wanted = Joint(refinement.program, aim, len(touches)).best(touches)
-        touches, F = _accepted(refinement, touches, F, wanted, value)
+        W = (M := known.precision + F.T @ F) @ criterion.slope(M) @ M
+        goals = Simultaneous(refinement.program, W, len(touches)).best(touches)
+        touches, F = _accepted(refinement, touches, F, goals, value)
     return touches
 
 
@@ -178,11 +179,11 @@ def _accepted(
     refinement: Refinement,
     touches: Candidates,
     F: Float[np.ndarray, "touches kept"],
-    wanted: Float[np.ndarray, "touches joints"],
-    value: Value,
+    goals: Float[np.ndarray, "touches joints"],
+    value: Callable[[Float[np.ndarray, "touches kept"]], float],
 ) -> tuple[Candidates, Float[np.ndarray, "touches kept"]]:
-    """Touches after those moves towards `wanted` postures that can be made and raise the value; and their rows."""
-    trials, owner = refinement.approaches(touches, wanted)
+    """Touches after those moves towards `goals` that can be made and raise the value; and their rows."""
+    trials, owner = refinement.approaches(touches, goals)
     rows = refinement.known.rows(
         trials.q, trials.normal, touch_sigma(refinement.known.cell, trials.names()), approach=trials.approach
     )
@@ -214,6 +215,6 @@ def replaced(touches: Candidates, index: Int[np.ndarray, " some"], others: Candi
     return replace(touches, **columns)
 
 
-def _size(W: np.ndarray) -> float:
-    """What brings W to the size of one, so that tolerances of the solver mean the same for every criterion."""
-    return float(max(np.abs(W).max(), 1e-300))
+def _size(S: np.ndarray) -> float:
+    """What brings S to the size of one, so that tolerances of the solver mean the same for every criterion."""
+    return float(max(np.abs(S).max(), 1e-300))

@@ -1,15 +1,13 @@
 """All touches moved at once: one nonlinear program with the Hessian in closed form.
 
-With rows f_i, Jacobians J_i of them by the joints, C = M^-1 and W = C B C, the derivatives by the joints of touches i and j:
+The logarithm of tr(W M^-1) is minimised, with W = M0 S M0 at the information M0 that is moved from: the trace that
+touches a criterion of slope S. With rows f_i, Jacobians J_i of them by the joints, C = M^-1 and U = C W C, the
+derivatives of tr(W C) by the joints of touches i and j:
 
-    -log det M:   gradient  -2 J_i'C f_i
-                  Hessian    2 [(f_i'C f_j) J_i'C J_j + (J_i'C f_j)(J_j'C f_i)'] - 2 [i = j] (J_i'C J_i + sum_k (C f_i)_k Hess f_ik)
-    tr(B C):      gradient  -2 J_i'W f_i
-                  Hessian    2 [(f_i'W f_j) J_i'C J_j + (J_i'C f_j)(J_j'W f_i)' + the same with C and W exchanged]
-                             - 2 [i = j] (J_i'W J_i + sum_k (W f_i)_k Hess f_ik)
-
-The logarithm of tr(B C) is what is minimised.
-"""  # noqa: E501
+    gradient  -2 J_i'U f_i
+    Hessian    2 [(f_i'U f_j) J_i'C J_j + (J_i'C f_j)(J_j'U f_i)' + the same with C and U exchanged]
+               - 2 [i = j] (J_i'U J_i + sum_k (U f_i)_k Hess f_ik)
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,18 +17,17 @@ import numpy as np
 from jaxtyping import Float
 
 from oed.candidates.candidates import Candidates
-from oed.criteria.aim import Aim
 from oed.refinement.nlp import OPTIONS, Program
 
 ITERATIONS = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Simultaneous:
     """The nonlinear program of n touches."""
 
     program: Program
-    aim: Aim
+    W: Float[np.ndarray, "kept kept"]
     n: int
 
     def best(self, touches: Candidates) -> Float[np.ndarray, "touches joints"]:
@@ -48,7 +45,7 @@ class Joint:
         x, p = self.symbols
         problem = {"x": x, "p": p, "f": self._value[0], "g": ca.vec(self.rows[2])}
         given = {"grad_f": self.gradient, "hess_lag": self.hessian, "ipopt.max_iter": ITERATIONS}
-        return ca.nlpsol("joint", "ipopt", problem, OPTIONS | given)
+        return ca.nlpsol("simultaneous", "ipopt", problem, OPTIONS | given)
 
     @cached_property
     def gradient(self) -> ca.Function:
@@ -97,42 +94,35 @@ class Joint:
         return f, jacobians, constraints
 
     @cached_property
-    def _inner(self) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """Information M, its inverse C, and W."""
-        k = self.program.row.shape[0]
+    def _inner(self) -> tuple[ca.MX, ca.MX]:
+        """C and U."""
         M = ca.DM(self.program.known.precision) + self.rows[0] @ self.rows[0].T
-        C = ca.solve(M, ca.DM.eye(k))
-        return M, C, C if self.aim.B is None else C @ ca.DM(self.aim.B) @ C
+        C = ca.solve(M, ca.DM.eye(self.program.row.shape[0]))
+        return C, C @ ca.DM(self.W) @ C
+
+    @cached_property
+    def _trace(self) -> ca.MX:
+        return ca.trace(ca.DM(self.W) @ self._inner[0])
 
     @cached_property
     def _value(self) -> tuple[ca.MX, ca.MX, ca.MX]:
         """What is minimised, its slope by the joints of each touch, and by its row."""
         f, J, _ = self.rows
-        M, C, W = self._inner
-        if self.aim.B is None:
-            S = ca.SX.sym("S", *M.shape)  # ca.det expands minors: hours at this size
-            value = -ca.Function("logdet", [S], [2 * ca.sum1(ca.log(ca.diag(ca.chol(S))))])(M)
-            weights = -2 * W @ f
-        else:
-            trace = ca.trace(ca.DM(self.aim.B) @ C)
-            value, weights = ca.log(trace), -2 * W @ f / trace
+        weights = -2 * self._inner[1] @ f / self._trace
         joints = J.shape[1] // self.n
         slope = ca.reshape(ca.sum1(J * ca.kron(weights, ca.DM.ones(1, joints))), joints, self.n)
-        return value, slope, weights
+        return ca.log(self._trace), slope, weights
 
     @cached_property
     def _coupling(self) -> ca.MX:
         """The Hessian by the joints of all touches, without what bends in their rows."""
         f, J, _ = self.rows
-        _, C, W = self._inner
+        C, U = self._inner
         joints = J.shape[1] // self.n
         one, ones = ca.DM.ones(joints, joints), ca.DM.ones(1, joints)
-        JC, JW = ca.kron(J.T @ C @ f, ones), ca.kron(J.T @ W @ f, ones)  # a column for each joint of touch j
-        diagonal = ca.kron(ca.DM.eye(self.n), one)
-        bilinear = (J.T @ C @ J) * ca.kron(f.T @ W @ f, one) + JC * JW.T
-        if self.aim.B is None:
-            return 2 * bilinear - 2 * (J.T @ C @ J) * diagonal
-        bilinear += (J.T @ W @ J) * ca.kron(f.T @ C @ f, one) + JW * JC.T
-        trace = ca.trace(ca.DM(self.aim.B) @ C)
+        JC, JU = ca.kron(J.T @ C @ f, ones), ca.kron(J.T @ U @ f, ones)  # a column for each joint of touch j
+        bilinear = (J.T @ C @ J) * ca.kron(f.T @ U @ f, one) + JC * JU.T
+        bilinear += (J.T @ U @ J) * ca.kron(f.T @ C @ f, one) + JU * JC.T
+        own = (J.T @ U @ J) * ca.kron(ca.DM.eye(self.n), one)
         slope = ca.vec(self._value[1])
-        return (2 * bilinear - 2 * (J.T @ W @ J) * diagonal) / trace - slope @ slope.T
+        return 2 * (bilinear - own) / self._trace - slope @ slope.T

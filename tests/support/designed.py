@@ -4,8 +4,7 @@ import numpy as np
 
 from identify.uncertainty.information import touch_sigma
 from oed import exact_design
-from oed.criteria.aim import Aim
-from oed.criteria.criteria import score
+from oed.criteria.criteria import CRITERIA, score
 from oed.planning.candidate_set import offer
 from oed.refinement.coordinate import Refinement, refine
 
@@ -24,7 +23,9 @@ def refined(cell, count, iterations=None):
     offered = offer(cell, np.random.default_rng(0), count=count)
     chosen = exact_design(offered.rows, TOUCHES, prior=offered.known.precision, iterations=iterations)
     touches = offered.found.take(chosen.indices)
-    touches = refine(Refinement(offered.known, offered.judge), touches, Aim(), together=iterations is None)
+    touches = refine(
+        Refinement(offered.known, offered.feasibility), touches, CRITERIA["D"], together=iterations is None
+    )
     return volume(offered, offered.known.rows(touches.q, touches.normal, touch_sigma(cell, touches.names())))
 
 

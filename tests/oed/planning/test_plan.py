@@ -10,13 +10,11 @@ from identify.model.files import InputError
 from identify.model.io.tables import plan_text
 from identify.model.zone import zone_poses
 from identify.uncertainty.information import built_knowledge, drawn
-from oed.criteria.aim import mean_square
 from oed.criteria.criteria import CRITERIA
-from oed.design.relaxation import phi
 from oed.planning.candidate_set import offer
 from oed.planning.plan import plan, summary
 from oed.planning.strategies import STRATEGIES
-from oed.planning.visitable import Best, linked, robust
+from oed.planning.visitable import Best, linked, measured, robust
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import draw_truth
 
@@ -166,7 +164,8 @@ def test_touches_chosen_by_any_criterion_are_hardly_beaten_by_those_of_another(o
     M = {name: offered.known.precision + offered.rows[i].T @ offered.rows[i] for name, i in best.items()}
 
     for name in CRITERIA:
-        worth = {other: phi(CRITERIA[name], M[other], offered.tip) for other in CRITERIA}
+        criterion = measured(name, offered)
+        worth = {other: criterion.phi(M[other]) for other in CRITERIA}
         assert worth[name] > 0.95 * max(worth.values()), name
 
 
@@ -197,7 +196,7 @@ def test_touches_after_a_calibration_add_to_what_is_known(arc_welder, optimal):
 def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(offered):
     models = np.vstack([offered.known.theta, drawn(offered.known, 5, np.random.default_rng(8))])
     rows = [offered.rows_at(theta) for theta in models]
-    B = [mean_square(offered.known.tip_rows(offered.zone, theta)) for theta in models]
+    B = [measured("V", offered, offered.known.tip_rows(offered.zone, theta)).W for theta in models]
     everything = np.ones(len(offered.found), dtype=bool)
 
     def worst(index):
