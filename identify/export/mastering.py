@@ -33,7 +33,7 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
         "",
         HEADING.format("joint", "offset", "shown at true zero"),
     ]
-    zero, shown = cell.robot.to_controller(np.zeros(len(offsets))), cell.robot.to_controller(-offsets)
+    zero, shown = cell.robot.to_controller(np.zeros(len(offsets))), cell.robot.to_controller(0.0 - offsets)
     for i, (joint, name) in enumerate(zip(cell.robot.joints, zeros, strict=True)):
         word = "mm" if joint.prismatic else "deg"
         carried = "" if name in free else "   carried by base or tool"

@@ -50,7 +50,7 @@ class Zone:
     """Where accuracy counts: the tip in a box of the jig frame, the torch near straight down."""
 
     box: Float[np.ndarray, "3 2"]  # [mm]
-    max_tilt: float  # [rad]
+    max_tilt: float = 60 * DEG  # [rad]
 
 
 @dataclass(frozen=True)

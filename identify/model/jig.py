@@ -1,6 +1,6 @@
 """What a jig is: rectangular faces at known places, and boxes to keep clear of."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,9 @@ class Face:
     u: Float[np.ndarray, " 3"]  # [mm]
     v: Float[np.ndarray, " 3"]  # [mm]
     tolerance: float = 0.0  # [mm], 1 sigma of the machining
-    tilt: float = 0.0  # [rad], 1 sigma of the angle by which it leans, along u and along v
+    tilt: float = field(
+        default=0.0, metadata={"key": "tolerance_deg"}
+    )  # [rad], 1 sigma of its lean along u and along v
 
     @cached_property
     def normal(self) -> Float[np.ndarray, " 3"]:

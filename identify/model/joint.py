@@ -1,7 +1,9 @@
 """One joint of a serial robot, its five link parameters, and the capsule around a link."""
 
+import math
 from dataclasses import dataclass
 
+TURNING, SLIDING = math.pi / 2, 500.0  # [rad/s], [mm/s]: speeds of joints for which nobody states one
 LINK_NAMES = ("theta", "d", "a", "alpha", "beta")
 
 

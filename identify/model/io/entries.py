@@ -1,6 +1,6 @@
 """Between what files hold, in millimetres and degrees, and what it describes; both ways."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,8 +11,9 @@ from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.io import schema
 from identify.model.io.counting import counting_entry, counting_of
+from identify.model.io.units import described, entry_of, outside
 from identify.model.jig import Box, Face, Jig
-from identify.model.joint import Capsule, Joint
+from identify.model.joint import SLIDING, TURNING, Capsule, Joint
 from identify.model.robot import POSE_NAMES, Robot
 
 POSE_KEYS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
@@ -33,20 +34,20 @@ def pose_entry(frame: Float[np.ndarray, " 6"] | None) -> dict[str, float] | str:
 def joint_of(number: int, entry: schema.JointEntry) -> Joint:
     """A joint from its entry."""
     slides = entry.type == "prismatic"
-    limits = entry.limits_mm if slides else entry.limits_deg
+    limits, speed = (entry.limits_mm, entry.speed_mm_s) if slides else (entry.limits_deg, entry.speed_deg_s)
     if limits is None:
         raise InputError(f"joint '{entry.name or f'j{number}'}' has no limits_{'mm' if slides else 'deg'}")
-    unit = 1.0 if slides else DEG
-    speed = (entry.speed_mm_s or 500.0) if slides else (entry.speed_deg_s or 90.0) * DEG
+    unit, usual_speed = (1.0, SLIDING) if slides else (DEG, TURNING)
     return Joint(
         entry.name or f"j{number}", slides, entry.theta_deg * DEG, entry.d_mm, entry.a_mm, entry.alpha_deg * DEG,
-        entry.beta_deg * DEG, limits[0] * unit, limits[1] * unit, speed, entry.mass_kg, entry.centre_mm,
+        entry.beta_deg * DEG, limits[0] * unit, limits[1] * unit, usual_speed if speed is None else speed * unit,
+        entry.mass_kg, entry.centre_mm,
     )  # fmt: skip
 
 
 def robot_of(file: schema.RobotFile) -> Robot:
     """A robot from its file."""
-    capsules = tuple(Capsule(c.link, c.start_mm, c.end_mm, c.radius_mm) for c in file.capsules)
+    capsules = tuple(described(Capsule, capsule) for capsule in file.capsules)
     joints = tuple(joint_of(i + 1, entry) for i, entry in enumerate(file.joints))
     first, flange = (transform(np.asarray(pose_of(entry))) for entry in (file.base_to_first, file.last_to_flange))
     robot = Robot(
@@ -88,9 +89,7 @@ def robot_entry(robot: Robot) -> dict[str, Any]:
         "name": robot.name,
         "source": robot.source,
         "joints": [_joint_entry(joint) for joint in robot.joints],
-        "capsules": [
-            {"link": c.link, "start_mm": c.start, "end_mm": c.end, "radius_mm": c.radius} for c in robot.capsules
-        ],
+        "capsules": [entry_of(capsule, schema.CapsuleEntry) for capsule in robot.capsules],
         "base_to_first": pose_entry(pose(robot.base_T_first)),
         "last_to_flange": pose_entry(pose(robot.last_T_flange)),
         "errors": list(robot.errors),
@@ -114,42 +113,42 @@ def _joint_entry(joint: Joint) -> dict[str, Any]:
 
 def jig_of(file: schema.JigFile) -> Jig:
     """A jig from its file."""
-    faces = (
-        Face(f.name, np.array(f.origin_mm), np.array(f.u_mm), np.array(f.v_mm), f.tolerance_mm, f.tolerance_deg * DEG)
-        for f in file.faces
-    )
-    return Jig(file.name, tuple(faces), tuple(Box(b.lower_mm, b.upper_mm) for b in file.boxes))
+    return Jig(file.name, tuple(described(Face, f) for f in file.faces), tuple(described(Box, b) for b in file.boxes))
 
 
 def jig_entry(jig: Jig) -> dict[str, Any]:
     """The inverse of `jig_of`."""
     return {
         "name": jig.name,
-        "faces": [
-            {
-                "name": f.name, "origin_mm": f.origin.tolist(), "u_mm": f.u.tolist(), "v_mm": f.v.tolist(),
-                "tolerance_mm": f.tolerance, "tolerance_deg": f.tilt / DEG,
-            }
-            for f in jig.faces
-        ],
-        "boxes": [{"lower_mm": b.lower, "upper_mm": b.upper} for b in jig.boxes],
-    }  # fmt: skip
+        "faces": [entry_of(face, schema.FaceEntry) for face in jig.faces],
+        "boxes": [entry_of(box, schema.BoxEntry) for box in jig.boxes],
+    }
+
+
+def priors_of(entry: schema.PriorsEntry) -> Priors:
+    """Tolerances from their entry."""
+    base, tool = (entry.base_mm, entry.base_deg * DEG), (entry.tool_mm, entry.tool_deg * DEG)
+    return Priors(base, tool, (entry.length_mm, entry.angle_deg * DEG), entry.errors)
+
+
+def priors_entry(priors: Priors) -> dict[str, Any]:
+    """The inverse of `priors_of`."""
+    keys = ("base_mm", "base_deg"), ("tool_mm", "tool_deg"), ("length_mm", "angle_deg")
+    entry: dict[str, Any] = {}
+    for (length, angle), pair in zip(keys, (priors.base, priors.tool, priors.link), strict=True):
+        entry |= {length: pair[0], angle: outside(pair[1], DEG)}
+    return entry | ({"errors": dict(priors.errors)} if priors.errors else {})
 
 
 def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[str, str]) -> Cell:
     """A cell from its file, and the robot and the jig that the file names."""
     robot = equipped(file, robot)
     unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
-    touch, priors, zone = file.touch, file.priors, file.zone
     return Cell(
         robot=robot, jig=jig, base=pose_of(file.base), tool=pose_of(file.tool),
-        wire=Wire(file.wire.radius_mm, file.wire.shape),
-        touch=TouchSettings(touch.sigma_mm, touch.approach_mm, touch.travel_mm, touch.speed_mm_s,
-                            touch.max_tilt_deg * DEG),
-        zone=None if zone is None else Zone(np.array(zone.box_mm), zone.max_tilt_deg * DEG),
-        priors=Priors((priors.base_mm, priors.base_deg * DEG), (priors.tool_mm, priors.tool_deg * DEG),
-                      (priors.length_mm, priors.angle_deg * DEG), priors.errors),
-        controller=Controller(**file.controller.model_dump()),
+        wire=described(Wire, file.wire), touch=described(TouchSettings, file.touch),
+        zone=None if file.zone is None else described(Zone, file.zone), priors=priors_of(file.priors),
+        controller=described(Controller, file.controller),
         fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
         sources=sources,
     )  # fmt: skip
@@ -158,25 +157,17 @@ def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[
 def cell_entry(cell: Cell) -> dict[str, Any]:
     """A cell as one document that needs no other file: robot and jig stand in it."""
     unit = dict(zip(cell.robot.parameters, cell.robot.parameter_unit(), strict=True))
-    touch, priors, zone = cell.touch, cell.priors, cell.zone
     return {
         "robot": robot_entry(cell.robot),
         "jig": None if cell.jig is None else jig_entry(cell.jig),
         "base": pose_entry(cell.base),
         "tool": pose_entry(cell.tool),
         "joints": counting_entry(cell.robot.counting, [joint.name for joint in cell.robot.joints]) or None,
-        "wire": {"radius_mm": cell.wire.radius, "shape": cell.wire.shape},
-        "touch": {
-            "sigma_mm": touch.sigma, "approach_mm": touch.approach, "travel_mm": touch.travel,
-            "speed_mm_s": touch.speed, "max_tilt_deg": touch.max_tilt / DEG,
-        },
-        "zone": None if zone is None else {"box_mm": zone.box.tolist(), "max_tilt_deg": zone.max_tilt / DEG},
-        "priors": {
-            "base_mm": priors.base[0], "base_deg": priors.base[1] / DEG, "tool_mm": priors.tool[0],
-            "tool_deg": priors.tool[1] / DEG, "length_mm": priors.link[0], "angle_deg": priors.link[1] / DEG,
-            "errors": dict(priors.errors),
-        },
-        "controller": asdict(cell.controller),
+        "wire": entry_of(cell.wire, schema.WireEntry),
+        "touch": entry_of(cell.touch, schema.TouchEntry),
+        "zone": None if cell.zone is None else entry_of(cell.zone, schema.ZoneEntry),
+        "priors": priors_entry(cell.priors),
+        "controller": entry_of(cell.controller, schema.ControllerEntry),
         "fixed": sorted(cell.fixed),
         "bounds": {name: [lo / unit[name], hi / unit[name]] for name, (lo, hi) in cell.bounds.items()},
     }  # fmt: skip

@@ -1,8 +1,14 @@
-"""The YAML files a user writes, validated: every mistake at once, with file and line."""
+"""What the YAML files of a user may hold: keys with their units and limits; defaults are those of the model."""
 
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from identify.model.cell import DEG, Controller, Priors, TouchSettings, Wire, Zone
+from identify.model.io.units import outside, usual
+from identify.model.jig import Face
+from identify.model.joint import Joint
+from identify.model.robot import Robot
 
 Number = Annotated[float, Field(strict=True)]  # not a text that reads like one, nor true or false
 Positive = Annotated[Number, Field(gt=0)]
@@ -40,8 +46,8 @@ class JointEntry(Strict):
     limits_mm: tuple[Number, Number] | None = None
     speed_deg_s: Positive | None = None
     speed_mm_s: Positive | None = None
-    mass_kg: Annotated[Number, Field(ge=0)] = 0.0
-    centre_mm: Vector = (0.0, 0.0, 0.0)
+    mass_kg: Annotated[Number, Field(ge=0)] = usual(Joint, "mass_kg")
+    centre_mm: Vector = usual(Joint, "centre_mm")
 
 
 class PayloadEntry(Strict):
@@ -72,9 +78,9 @@ class RobotFile(Strict):
     errors: list[str] = []
     error_values: dict[str, Number] = {}
     drawing: list[tuple[Number, Number, Number, Number, Number]] = []  # theta_deg, d_mm, a_mm, alpha_deg, beta_deg
-    up: Vector = (0.0, 0.0, 1.0)
+    up: Vector = usual(Robot, "up")
     payload: PayloadEntry | None = None
-    temperature_c: Number = 20.0
+    temperature_c: Number = usual(Robot, "temperature_c")
 
 
 class FaceEntry(Strict):
@@ -84,8 +90,8 @@ class FaceEntry(Strict):
     origin_mm: Vector
     u_mm: Vector
     v_mm: Vector
-    tolerance_mm: Annotated[Number, Field(ge=0)] = 0.0
-    tolerance_deg: Annotated[Number, Field(ge=0)] = 0.0
+    tolerance_mm: Annotated[Number, Field(ge=0)] = usual(Face, "tolerance_mm")
+    tolerance_deg: Annotated[Number, Field(ge=0)] = usual(Face, "tolerance_deg")
 
 
 class BoxEntry(Strict):
@@ -107,46 +113,46 @@ class JigFile(Strict):
 class WireEntry(Strict):
     """The end of the wire."""
 
-    radius_mm: Annotated[Number, Field(ge=0)] = 0.6
-    shape: Literal["point", "ball", "flat"] = "flat"
+    radius_mm: Annotated[Number, Field(ge=0)] = usual(Wire, "radius_mm")
+    shape: Literal["point", "ball", "flat"] = usual(Wire, "shape")
 
 
 class TouchEntry(Strict):
     """How touches are made."""
 
-    sigma_mm: Positive = 0.05
-    approach_mm: Positive = 25.0
-    travel_mm: Positive = 60.0
-    speed_mm_s: Positive = 5.0
-    max_tilt_deg: Annotated[Number, Field(gt=0, le=90)] = 50.0
+    sigma_mm: Positive = usual(TouchSettings, "sigma_mm")
+    approach_mm: Positive = usual(TouchSettings, "approach_mm")
+    travel_mm: Positive = usual(TouchSettings, "travel_mm")
+    speed_mm_s: Positive = usual(TouchSettings, "speed_mm_s")
+    max_tilt_deg: Annotated[Number, Field(gt=0, le=90)] = usual(TouchSettings, "max_tilt_deg")
 
 
 class ZoneEntry(Strict):
     """Where accuracy counts, in the jig frame."""
 
     box_mm: tuple[tuple[Number, Number], tuple[Number, Number], tuple[Number, Number]]
-    max_tilt_deg: Annotated[Number, Field(gt=0, le=180)] = 60.0
+    max_tilt_deg: Annotated[Number, Field(gt=0, le=180)] = usual(Zone, "max_tilt_deg")
 
 
 class PriorsEntry(Strict):
     """Manufacturing and set-up tolerances, 1 sigma."""
 
-    base_mm: Positive = 10.0
-    base_deg: Positive = 2.0
-    tool_mm: Positive = 10.0
-    tool_deg: Positive = 2.0
-    length_mm: Positive = 3.0
-    angle_deg: Positive = 1.0
+    base_mm: Positive = usual(Priors, "base")[0]
+    base_deg: Positive = outside(usual(Priors, "base")[1], DEG)
+    tool_mm: Positive = usual(Priors, "tool")[0]
+    tool_deg: Positive = outside(usual(Priors, "tool")[1], DEG)
+    length_mm: Positive = usual(Priors, "link")[0]
+    angle_deg: Positive = outside(usual(Priors, "link")[1], DEG)
     errors: dict[str, Positive] = {}
 
 
 class ControllerEntry(Strict):
     """The robot controller at the other end of the line."""
 
-    port: str = "sim"
-    protocol: str = "line"
-    baud: Annotated[int, Field(gt=0)] = 115200
-    axis_unit_deg: Positive = 1.0
+    port: str = usual(Controller, "port")
+    protocol: str = usual(Controller, "protocol")
+    baud: Annotated[int, Field(gt=0)] = usual(Controller, "baud")
+    axis_unit_deg: Positive = usual(Controller, "axis_unit_deg")
 
 
 class UrdfEntry(Strict):

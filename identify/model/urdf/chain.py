@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from identify.model.files import InputError, nearest
 from identify.model.frames import inverse
-from identify.model.joint import Joint
+from identify.model.joint import SLIDING, TURNING, Joint
 from identify.model.robot import Robot
 from identify.model.urdf.axes import Axis, chain
 from identify.model.urdf.document import LONGEST, METRE, Urdf, end, origin, parsed
@@ -16,7 +16,7 @@ from identify.model.urdf.shapes import collision_shapes
 
 TURNS = 20 * np.pi  # [rad], a larger limit was meant in degrees
 MOVES = ("revolute", "continuous", "prismatic")
-SPEED = {"revolute": np.pi / 2, "continuous": np.pi / 2, "prismatic": 500.0}  # where the URDF states none, or zero
+SPEED = {"revolute": TURNING, "continuous": TURNING, "prismatic": SLIDING}  # where the URDF states none, or zero
 
 
 def read_urdf(path: Path, base: str, flange: str) -> Robot:
