@@ -1,8 +1,8 @@
 """A key ends in its unit: what that means for the field that it describes, and what the field is by default.
 
 `travel_mm` describes `travel` [mm], `max_tilt_deg` describes `max_tilt` [rad]. A key that is the field's own name holds
-its value as it is; a field whose key has another name says so in its metadata (`key`). Defaults stand in the dataclasses of
-the model, names of keys and limits in the schema, once each.
+its value as it is; a field whose key has another name says so in its metadata (`key`). Defaults stand in the
+dataclasses of the model, names of keys and limits in the schema, once each.
 """
 
 from dataclasses import fields
