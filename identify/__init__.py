@@ -1,6 +1,16 @@
 """From touches to parameters, their uncertainty, and what they change.
 
-In the order in which data walks through:
+The front, loaded when it is used:
+
+    read_cell(path), read_robot, read_jig, library       what cell, robot and jig files describe
+    read_touches(path, cell), read_positions, read_plan  measurements and plans
+    calibrate(cell, *measured)                           a Calibration; read_calibration, write_calibration
+    verify(calibration, *measured)                       errors where the fit has not looked
+    compensate(calibration, poses)                       joints and command poses
+    fix, export, locate, judge, report                   programs, other formats, workpieces, health, a page
+    Cell, Plan, Touches, Positions, InputError           what these functions take and raise
+
+Its rooms, in the order in which data walks through:
 
     model         what is described: robot, joint errors, jig, touch, measurement, cell, weld zone; files in and out
     uncertainty   what is known of all unknowns, and what that promises of the tip
@@ -14,21 +24,50 @@ In the order in which data walks through:
     report        pages and pictures of calibrations and plans
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from identify.model.front import front
+
+if TYPE_CHECKING:
+    from identify.compensation.compensate import compensate as compensate
+    from identify.estimation.calibrate import calibrate as calibrate
+    from identify.estimation.verification import verify as verify
+    from identify.export.exporting import export as export
+    from identify.health.judge import judge as judge
+    from identify.model.cell import Cell as Cell
+    from identify.model.files import InputError as InputError
+    from identify.model.io.calibration_file import Calibration as Calibration
+    from identify.model.io.calibration_file import read_calibration as read_calibration
+    from identify.model.io.calibration_file import write_calibration as write_calibration
+    from identify.model.io.description import library as library
+    from identify.model.io.description import read_cell as read_cell
+    from identify.model.io.description import read_jig as read_jig
+    from identify.model.io.description import read_robot as read_robot
+    from identify.model.io.tables import read_plan as read_plan
+    from identify.model.io.tables import read_positions as read_positions
+    from identify.model.io.tables import read_touches as read_touches
+    from identify.model.touch import Plan as Plan
+    from identify.model.touch import Positions as Positions
+    from identify.model.touch import Touches as Touches
+    from identify.programs.fixing import fix as fix
+    from identify.report.report import report as report
+    from identify.workpiece.localization import locate as locate
 
 _FRONT = {
-    "calibrate": "identify.estimation.calibrate",
-    "compensate": "identify.compensation.compensate",
-    "judge": "identify.health.judge",
-    "locate": "identify.workpiece.localization",
-    "verify": "identify.estimation.verification",
+    "model.files": "InputError",
+    "model.cell": "Cell",
+    "model.touch": "Plan Positions Touches",
+    "model.io.calibration_file": "Calibration read_calibration write_calibration",
+    "model.io.description": "library read_cell read_jig read_robot",
+    "model.io.tables": "read_plan read_positions read_touches",
+    "estimation.calibrate": "calibrate",
+    "estimation.verification": "verify",
+    "compensation.compensate": "compensate",
+    "workpiece.localization": "locate",
+    "health.judge": "judge",
+    "programs.fixing": "fix",
+    "export.exporting": "export",
+    "report.report": "report",
 }
-__all__ = ["calibrate", "compensate", "judge", "locate", "verify"]
-
-
-def __getattr__(name: str) -> Any:
-    """Load what the front page names only when it is asked for: CasADi takes most of a second."""
-    if name not in _FRONT:
-        raise AttributeError(f"module 'identify' has no attribute '{name}'")
-    return getattr(import_module(_FRONT[name]), name)
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = front(__name__, _FRONT)

@@ -1,6 +1,14 @@
 """From the model to a plan, the closed loop, and the command line.
 
-In the order in which data walks through:
+The front, loaded when it is used:
+
+    plan(cell, n)                  touches that tell the most about the robot, and what they promise
+    campaign(cell, touch=...)      touch, identify and plan by turns
+    exact_design(rows, n)          the n best of many candidate rows
+    approximate_design(rows)       the best weights on them, with a bound
+    score(...), CRITERIA           what makes one set of touches better than another
+
+Its rooms, in the order in which data walks through:
 
     criteria    what makes one set of touches better than another
     design      designs over many candidates: best weights, and the best n touches
@@ -11,19 +19,24 @@ In the order in which data walks through:
     cli         the command line
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from identify.model.front import front
+
+if TYPE_CHECKING:
+    from oed.campaigns.campaign import campaign as campaign
+    from oed.criteria.criteria import CRITERIA as CRITERIA
+    from oed.criteria.criteria import score as score
+    from oed.design.exact import exact_design as exact_design
+    from oed.design.relaxation import approximate_design as approximate_design
+    from oed.planning.plan import plan as plan
 
 _FRONT = {
-    "approximate_design": "oed.design.relaxation",
-    "exact_design": "oed.design.exact",
-    "plan": "oed.planning.plan",
+    "criteria.criteria": "CRITERIA score",
+    "design.relaxation": "approximate_design",
+    "design.exact": "exact_design",
+    "planning.plan": "plan",
+    "campaigns.campaign": "campaign",
 }
-__all__ = ["approximate_design", "exact_design", "plan"]
-
-
-def __getattr__(name: str) -> Any:
-    """Load what the front page names only when it is asked for: the command line must answer at once."""
-    if name not in _FRONT:
-        raise AttributeError(f"module 'oed' has no attribute '{name}'")
-    return getattr(import_module(_FRONT[name]), name)
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = front(__name__, _FRONT)

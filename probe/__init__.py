@@ -1,6 +1,14 @@
 """From a plan to touches, over a serial line.
 
-In the order in which data walks through:
+The front, loaded when it is used:
+
+    open_controller(port, protocol, robot)   the controller of a robot
+    Session(path, cell, plan), Settings      the table of touches and its journal; speeds, waits, limits
+    rehearse, run, retreat                   a dry run, the touches, the way out of contact
+    estimate_delay(results, cell)            how late touches come
+    touch_batch(cell, truth, plan, rng)      touches of a hidden robot (draw_truth), without a port
+
+Its rooms, in the order in which data walks through:
 
     line         bytes, lines and commands between driver and controller
     motion       how the arm moves without hitting anything, for planner and driver
@@ -9,23 +17,30 @@ In the order in which data walks through:
     virtual      a virtual robot cell behind a port
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from identify.model.front import front
+
+if TYPE_CHECKING:
+    from probe.controllers import open_controller as open_controller
+    from probe.motion.settings import Settings as Settings
+    from probe.runs.delay import estimate_delay as estimate_delay
+    from probe.runs.execution import retreat as retreat
+    from probe.runs.execution import run as run
+    from probe.runs.rehearsal import rehearse as rehearse
+    from probe.runs.session import Session as Session
+    from probe.virtual.batch import touch_batch as touch_batch
+    from probe.virtual.truth import draw_truth as draw_truth
 
 _FRONT = {
-    "run": "probe.runs.execution",
-    "retreat": "probe.runs.execution",
-    "rehearse": "probe.runs.rehearsal",
-    "Session": "probe.runs.session",
-    "Settings": "probe.motion.settings",
-    "open_controller": "probe.controllers",
-    "estimate_delay": "probe.runs.delay",
+    "motion.settings": "Settings",
+    "controllers": "open_controller",
+    "runs.rehearsal": "rehearse",
+    "runs.session": "Session",
+    "runs.execution": "retreat run",
+    "runs.delay": "estimate_delay",
+    "virtual.batch": "touch_batch",
+    "virtual.truth": "draw_truth",
 }
-__all__ = ["Session", "Settings", "estimate_delay", "open_controller", "rehearse", "retreat", "run"]
-
-
-def __getattr__(name: str) -> Any:
-    """Load what the front page names only when it is asked for."""
-    if name not in _FRONT:
-        raise AttributeError(f"module 'probe' has no attribute '{name}'")
-    return getattr(import_module(_FRONT[name]), name)
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = front(__name__, _FRONT)

@@ -1,6 +1,12 @@
 """Questions, each answered by one script: what it asks, how, and what came out, with numbers.
 
-In the order in which data walks through:
+The front, loaded when it is used:
+
+    Study.named(name)                 one of STUDIES
+    evaluate(study, folder)           its table, each finished task on disk
+    write_results(study, table, ...)  table and pictures
+
+Its rooms, in the order in which data walks through:
 
     engine          a study run: tasks on this machine or on a cluster, each finished one on disk
     cluster         tasks on a Dask cluster
@@ -24,6 +30,20 @@ In the order in which data walks through:
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identify.model.front import front
+
+if TYPE_CHECKING:
+    from studies.engine import Study as Study
+    from studies.engine import evaluate as evaluate
+    from studies.engine import write_results as write_results
+
+_FRONT = {
+    "engine": "Study evaluate write_results",
+}
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = front(__name__, _FRONT)
 
 STUDIES = ("strategies", "paper", "models", "observability", "touches", "jig", "peers", "beyond", "campaign")
 """Every study is a module of this package: its docstring is question, setup and answer; `tasks`, `run`, `answer` and

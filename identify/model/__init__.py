@@ -2,6 +2,7 @@
 
 In the order in which data walks through:
 
+    front            the front of a package, loaded when it is asked for
     files            text files: every mistake with its file and line, and nothing half-written
     io               YAML and CSV files and their contents, both ways
     urdf             from a URDF to a robot and its solids
