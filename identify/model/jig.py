@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.shape import Shape
+
 
 @dataclass(frozen=True, eq=False)
 class Face:
@@ -60,6 +62,7 @@ class Jig:
     name: str
     faces: tuple[Face, ...]
     boxes: tuple[Box, ...] = ()
+    obstacles: tuple[Shape, ...] = ()  # solids that may lean; their poses are in the jig frame
 
     @cached_property
     def by_name(self) -> dict[str, Face]:

@@ -192,10 +192,8 @@ class Feasibility:
         low = tip - STICKOUT / 3 * wire
         height = (low * self._frames[face, 2]).sum(axis=1) - offset
         need = np.minimum(WIRE, height / 2)
-        ok = np.ones(len(face), dtype=bool)
-        for solid in self.clearance.solids:
-            ok &= solid.segment(low.T, (tip - STICKOUT * wire).T) >= need
-        return ok
+        above = need > 0
+        return above & ~self.clearance.segments_near(low.T, (tip - STICKOUT * wire).T, np.where(above, need, 0.0))
 
 
 def unreached(feasibility: Feasibility, tally: Int[np.ndarray, "faces infeasibilities"]) -> tuple[str, ...]:

@@ -51,9 +51,7 @@ class UncertainEdges(Edges):
             tip, R = cell.kinematics.tip(q.reshape(-1, q.shape[2]), theta)
             inside = np.zeros(len(tip), dtype=bool)
             for point in (tip, tip - STICKOUT / 2 * R[:, :, 2]):
-                for box in () if cell.jig is None else cell.jig.boxes:
-                    low, high = np.array(box.lower) - ROOM, np.array(box.upper) + ROOM
-                    inside |= np.all((point > low) & (point < high), axis=1)
+                inside |= self.clearance.segments_near(point.T, point.T, np.full(len(point), ROOM))
             hits += inside.reshape(len(q), POINTS).any(axis=1)
         return hits / max(len(self.robots), 1)
 

@@ -3,11 +3,13 @@
 In the order in which data walks through:
 
     settings       speeds, waits, tolerances and limits of patience
-    obstacles      the boxes of the jig, or its faces where it has no boxes
+    distances      distances of many segments at once, from boxes and from each other, and bounds on them
+    clusters       groups of triangles, for bounding volumes tighter than one around a mesh
+    obstacles      the solids of jig and cell, or the faces of a jig without solids
     torch          the torch as capsules on the last link
     bodies         the solids of an arm as its URDF describes them, each with a capsule around it
-    distances      exact distances of many segments at once
     mesh_distance  exact distances of meshes, boxes, cylinders, spheres and capsules, by `coal`
+    confirmation   whether shapes come too near where the capsules around them do
     clearance      clearance of arm and torch from jig, table and the arm itself
     joint_path     the motions of one touch, from joint values of a plan
     edges          ways between touches: straight in joint space, over lifted postures where they must

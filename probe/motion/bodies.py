@@ -1,6 +1,7 @@
-"""The solids of an arm as its URDF tells them, each with a capsule around it, and what is not told."""
+"""The solids of an arm as its URDF describes them, each with capsules around it, and what is not described."""
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from importlib.util import find_spec
 
 import numpy as np
@@ -10,22 +11,37 @@ from identify.model.joint import Capsule
 from identify.model.meshes import READERS
 from identify.model.robot import Robot
 from identify.model.shape import Shape
+from probe.motion.clusters import clusters
 
 PRIMITIVES = ("box", "cylinder", "sphere")
 EXTRA = "touchcal[collision]"
+PARTS = 24  # capsules around the parts of a mesh
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A solid that moves with a link. What is clear of the capsule is clear of the solid."""
+    """A solid that moves with a link. What is clear of the capsule, or of all the parts, is clear of the solid."""
 
     shape: Shape
     capsule: Capsule
 
+    @cached_property
+    def parts(self) -> tuple[Capsule, ...]:
+        """Smaller capsules that together hold all of it."""
+        if self.shape.kind != "mesh":
+            return (self.capsule,)
+        vertices, triangles = self.shape.mesh
+        return tuple(_around(self.shape.link, points) for points in clusters(vertices, triangles, PARTS))
+
 
 def bodies(robot: Robot) -> tuple[Body, ...]:
     """The shapes of a robot that can be read; raises InputError where the file of a mesh is broken."""
-    return tuple(Body(shape, around(shape)) for shape in robot.shapes if _readable(shape))
+    return tuple(_body(shape) for shape in robot.shapes if _readable(shape))
+
+
+@lru_cache(maxsize=128)
+def _body(shape: Shape) -> Body:
+    return Body(shape, around(shape))
 
 
 def exact_meshes() -> bool:
@@ -83,9 +99,13 @@ def around(shape: Shape) -> Capsule:
         half = R[:, long] * edges[long] / 2
         return _capsule(shape.link, middle - half, middle + half, float(np.hypot(*np.delete(edges, long)) / 2))
     points, triangles = shape.mesh
-    points = points[np.unique(triangles)]
+    return _around(shape.link, points[np.unique(triangles)])
+
+
+def _around(link: int, points: Float[np.ndarray, "points 3"]) -> Capsule:
+    """The smallest of the capsules along the axes and the principal directions of points that holds them."""
     directions = [*np.eye(3), *np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]]
-    return min((_along(shape.link, points, u) for u in directions), key=_volume)
+    return min((_along(link, points, u) for u in directions), key=_volume)
 
 
 def _along(link: int, points: Float[np.ndarray, "points 3"], u: Float[np.ndarray, " 3"]) -> Capsule:

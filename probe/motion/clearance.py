@@ -1,11 +1,11 @@
-"""Clearance of arm and torch from jig, table and the arm itself: exact distances of capsules, for all postures at once.
+"""Clearance of arm and torch from jig, table and the arm itself, for many postures at once.
 
-Exact distances from the jig's boxes cost less than a look-up in a grid of distances would need in memory and margin.
-Where a URDF tells shapes of the arm, a capsule around each is looked at first; what comes too near then is asked again
-of the shape itself, where the extra for that is installed (`probe.motion.mesh_distance`).
+Capsules against boxes and capsules against each other are exact and cost a few operations a pair (`distances`). Where a
+shape stands behind a capsule, the capsule is asked first, then the parts of the shape, and only what these cannot
+decide is asked of the shape itself, where the extra for that is installed (`mesh_distance`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,17 +16,30 @@ from jaxtyping import Bool, Float, Int
 from identify.model.cell import Cell
 from identify.model.joint import Capsule
 from probe.motion.bodies import Body, bodies, exact_meshes, notes
-from probe.motion.distances import Points, segment_segment
+from probe.motion.distances import (
+    Boxes,
+    Frames,
+    Points,
+    Segments,
+    near_boxes,
+    near_segments,
+    placed,
+    segment_box,
+    segment_box_bound,
+    segment_segment,
+    slices,
+)
 from probe.motion.obstacles import Obstacle, obstacles
-from probe.motion.torch import torch
+from probe.motion.torch import STICKOUT, torch
 
 if TYPE_CHECKING:
-    from probe.motion.mesh_distance import Exact
+    from probe.motion.confirmation import Confirmation
+    from probe.motion.mesh_distance import Exact, Pair
 
 MARGIN = 10.0  # [mm], from everything else
 WIRE = 3.0  # [mm], that the bare wire keeps from all but its own contact
 NEAR = 1.0  # [mm], of the torch from the solid whose face it touches: the tip itself holds this distance
-CHUNK = 4096  # postures at a time, for the cache
+CHUNK = 1 << 17  # pairs of capsules and boxes at a time, for the cache
 GENERIC = 300  # postures that show which capsules always overlap
 CLEAR = -1
 
@@ -38,13 +51,19 @@ class Clearance:
     cell: Cell
     theta: Float[np.ndarray, " parameters"]
 
+    def at(self, theta: Float[np.ndarray, " parameters"]) -> "Clearance":
+        """The same cell with a robot of other parameters; what does not depend on them is taken over."""
+        other = replace(self, theta=theta)
+        other.__dict__.update({name: getattr(self, name) for name in ("bodies", "solids", "boxes", "pairs")})
+        return other
+
     @cached_property
     def capsules(self) -> tuple[Capsule, ...]:
-        """Arm and torch; the torch comes last, and goes where the tip has been found to be: behind the wire."""
+        """Arm and torch; the torch comes last, and goes where the tip is by the parameters: behind the wire."""
         last = len(self.cell.robot.joints)
-        found = self.cell if self.cell.tool is None else replace(self.cell, tool=self.theta[-6:])
+        cell = self.cell if self.cell.tool is None else replace(self.cell, tool=self.theta[-6:])
         arm = (c for c in self.cell.robot.capsules if c.link != last)
-        return (*(body.capsule for body in self.bodies), *arm, *torch(found))
+        return (*(body.capsule for body in self.bodies), *arm, *torch(cell))
 
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
@@ -53,8 +72,8 @@ class Clearance:
 
     @cached_property
     def exact(self) -> "Exact | None":
-        """The judge of shapes themselves, where there are any and it is installed."""
-        if not self.bodies or not exact_meshes():
+        """The distances of shapes themselves, where there are any and the extra is installed."""
+        if not (self.bodies or any(solid.shape for solid in self.solids)) or not exact_meshes():
             return None
         from probe.motion.mesh_distance import Exact
 
@@ -72,6 +91,38 @@ class Clearance:
         return () if self.cell.jig is None else obstacles(self.cell.jig)
 
     @cached_property
+    def boxes(self) -> tuple[Boxes, ...]:
+        """The boxes around all obstacles, those with the same axes together."""
+        groups = dict[bytes, list[int]]()
+        for k, solid in enumerate(self.solids):
+            groups.setdefault(b"" if solid.axes is None else solid.axes.tobytes(), []).append(k)
+        out = []
+        for group in groups.values():
+            parts = [self.solids[k].parts for k in group]
+            owner = np.repeat(group, [len(low) for low, _ in parts])
+            lower, upper = (np.concatenate([part[side] for part in parts]).T for side in (0, 1))
+            out.append(Boxes(self.solids[group[0]].axes, lower, upper, owner))
+        return tuple(out)
+
+    @cached_property
+    def _pairs(self) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
+        first, second = np.array(self.pairs, dtype=int).reshape(-1, 2).T
+        return first, second
+
+    @cached_property
+    def _radius(self) -> Float[np.ndarray, " capsules"]:
+        return np.array([c.radius for c in self.capsules])
+
+    @cached_property
+    def _torch(self) -> Bool[np.ndarray, " capsules"]:
+        """Whether each capsule moves with the last link."""
+        return np.array([c.link == len(self.cell.robot.joints) for c in self.capsules], dtype=bool)
+
+    @cached_property
+    def _moving(self) -> Int[np.ndarray, " moving"]:
+        return np.array([i for i, c in enumerate(self.capsules) if c.link], dtype=int)
+
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Capsules that could hit each other: not neighbours in the chain, nor overlapping in most postures.
 
@@ -81,126 +132,201 @@ class Clearance:
         robot = self.cell.robot
         q = np.random.default_rng(2).uniform(robot.lower, robot.upper, (GENERIC, len(robot.joints)))
         q[0] = np.clip(0.0, robot.lower, robot.upper)
-        frames = self._frames(q)
-        ends, links = self._ends(frames), [c.link for c in self.capsules]
+        frames = self.frames(q)
+        start, end = self._ends(frames)
+        links = [c.link for c in self.capsules]
         apart = [(i, j) for i in range(len(links)) for j in range(i) if abs(links[i] - links[j]) > 1]
-        return tuple((i, j) for i, j in apart if not self._always(i, j, frames, ends, not q[0].any()))
+        return tuple((i, j) for i, j in apart if not self._always(i, j, frames, start, end, not q[0].any()))
 
-    def _always(
-        self, i: int, j: int, frames: Sequence[np.ndarray], ends: list[tuple[Points, Points]], zero: bool
-    ) -> bool:
+    def _always(self, i: int, j: int, frames: Frames, start: Segments, end: Segments, zero: bool) -> bool:
         """Whether two overlap in most postures, or, as shapes, in the first one."""
-        gap = self._between(ends, i, j)
-        over, bodies = np.flatnonzero(gap <= 0), min(i, j) < len(self.bodies)
-        if bodies and self.exact is not None:
+        gap = segment_segment(start[:, i], end[:, i], start[:, j], end[:, j]) - self._radius[i] - self._radius[j]
+        over, shaped = np.flatnonzero(gap <= 0), self._shaped((i, j, None))
+        if shaped:
+            assert self.exact is not None
             over = over[self.exact.near((i, j, None), frames, over, np.zeros(len(over)))]
-        return 2 * len(over) >= len(gap) or bool(bodies and zero and len(over) and over[0] == 0)
+        body = min(i, j) < len(self.bodies)
+        return 2 * len(over) >= len(gap) or bool(body and zero and len(over) and over[0] == 0)
 
-    def _frames(self, q: Float[np.ndarray, "postures joints"]) -> Sequence[Float[np.ndarray, "postures 3 4"]]:
+    def frames(self, q: Float[np.ndarray, "postures joints"]) -> Frames:
+        """Where the links are, in the jig frame [mm]."""
         return self.cell.kinematics.links(q, self.theta)
 
-    def ends(self, q: Float[np.ndarray, "postures joints"]) -> list[tuple[Points, Points]]:
-        """Both ends of every capsule in the jig frame [mm], coordinates first."""
-        return self._ends(self._frames(q))
+    def _ends(self, frames: Frames) -> tuple[Segments, Segments]:
+        """Both ends of every capsule in the jig frame [mm]."""
+        return placed(self.capsules, frames)
 
-    def _ends(self, frames: Sequence[Float[np.ndarray, "postures 3 4"]]) -> list[tuple[Points, Points]]:
-        out = []
-        for capsule in self.capsules:
-            T = np.ascontiguousarray(frames[capsule.link].transpose(1, 2, 0))
-            start, end = (np.einsum("ijm,j->im", T[:, :3], np.array(p)) + T[:, 3] for p in (capsule.start, capsule.end))
-            out.append((start, end))
-        return out
+    def ends(self, q: Float[np.ndarray, "postures joints"]) -> tuple[Segments, Segments]:
+        """Both ends of every capsule in the jig frame [mm]."""
+        return self._ends(self.frames(q))
 
-    def gaps(
-        self, q: Float[np.ndarray, "postures joints"]
-    ) -> tuple[Float[np.ndarray, " postures"], Float[np.ndarray, " postures"]]:
-        """Smallest distances of the surface of arm and torch from the obstacles, and from each other [mm].
-
-        Negative where they meet, but no deeper than a radius; infinite where nothing could meet.
-        """
-        outside, inside = np.full(len(q), np.inf), np.full(len(q), np.inf)
-        for part in _chunks(len(q)):
-            frames = self._frames(q[part])
-            ends = self._ends(frames)
-            for i, ((start, end), capsule) in enumerate(zip(ends, self.capsules, strict=True)):
-                for k, solid in enumerate(self.solids if capsule.link else ()):
-                    gap = solid.segment(start, end) - capsule.radius
-                    outside[part] = self._least(outside[part], gap, (i, None, k), frames)
-            for i, j in self.pairs:
-                inside[part] = self._least(inside[part], self._between(ends, i, j), (i, j, None), frames)
-        return outside, inside
-
-    def _least(
-        self,
-        so_far: np.ndarray,
-        gap: np.ndarray,
-        pair: tuple[int, int | None, int | None],
-        frames: Sequence[np.ndarray],
-    ) -> Float[np.ndarray, " postures"]:
-        """The smaller of distances so far and those of a pair, known of its capsules: less than those of its shapes."""
-        less = np.flatnonzero(gap < so_far)
-        if self._shaped(pair):
-            assert self.exact is not None
-            gap[less] = self.exact.distances(pair, frames, less)
-        return np.minimum(so_far, gap)
+    def wire(self, q: Float[np.ndarray, "postures joints"]) -> tuple[Points, Points]:
+        """Both ends of the bare wire in the jig frame [mm], the tip first."""
+        tip, R = self.cell.kinematics.tip(q, self.theta)
+        return tip.T, (tip - STICKOUT * R[:, :, 2]).T
 
     def hits(
         self,
         q: Float[np.ndarray, "postures joints"],
         own: Bool[np.ndarray, "postures obstacles"] | None = None,
         margin: float | Float[np.ndarray, " postures"] = MARGIN,
+        inside: float | Float[np.ndarray, " postures"] = MARGIN,
     ) -> Int[np.ndarray, " postures"]:
         """What a posture comes nearer to than `margin` [mm]: index of an obstacle, their number for the arm, or CLEAR.
 
         `own` are obstacles that the torch may approach to NEAR, because it touches them. Arm and torch know where they
-        are to each other: there MARGIN is enough, whatever is asked of the way to the jig.
+        are to each other: there `inside` is enough, whatever is asked of the way to the jig.
         """
         hit, margin = np.full(len(q), CLEAR), np.broadcast_to(margin, len(q))
-        for part in _chunks(len(q)):
-            frames, found = self._frames(q[part]), hit[part]
+        least = np.minimum(margin, inside)
+        for part in self._chunks(len(q)):
+            frames, out = self.frames(q[part]), hit[part]
             ends = self._ends(frames)
-            for i, (capsule, (start, end)) in enumerate(zip(self.capsules, ends, strict=True)):
-                for k, solid in enumerate(self.solids if capsule.link else ()):
-                    near = self._torch(capsule) & (False if own is None else own[part, k])
-                    need = np.where(near, NEAR, margin[part])
-                    close = _closer(solid, start, end, capsule.radius + need)
-                    found[self._confirmed((i, None, k), frames, close, need, found)] = k
-            need = np.minimum(margin[part], MARGIN)
-            for i, j in self.pairs:
-                close = np.flatnonzero(self._between(ends, i, j) < need)
-                found[self._confirmed((i, j, None), frames, close, need, found)] = len(self.solids)
+            self._against_obstacles(q[part], frames, ends, None if own is None else own[part], margin[part], out)
+            self._against_itself(q[part], frames, ends, least[part], out)
         return hit
 
-    def _confirmed(
-        self, pair: tuple[int, int | None, int | None], frames: Sequence[np.ndarray], close: Int[np.ndarray, " some"],
-        need: Float[np.ndarray, " postures"], found: Int[np.ndarray, " postures"],
-    ) -> Int[np.ndarray, " fewer"]:  # fmt: skip
-        """Of postures in which two capsules come too near, those in which the shapes do; none that hits anyway."""
-        if not self._shaped(pair):
-            return close
-        assert self.exact is not None
-        close = close[found[close] == CLEAR]
-        return close[self.exact.near(pair, frames, close, need[close])]
+    def _against_obstacles(
+        self,
+        q: Float[np.ndarray, "postures joints"],
+        frames: Frames,
+        ends: tuple[Segments, Segments],
+        own: Bool[np.ndarray, "postures obstacles"] | None,
+        margin: Float[np.ndarray, " postures"],
+        out: Int[np.ndarray, " postures"],
+    ) -> None:
+        """Note the obstacle that each posture hits in `out`."""
+        unsure = dict[tuple[int, int], list[np.ndarray]]()
+        for boxes in self.boxes:
+            start, end = boxes.seen(ends[0][:, self._moving]), boxes.seen(ends[1][:, self._moving])
+            need = np.broadcast_to(margin, (len(self._moving), len(boxes.owner), len(margin)))
+            if own is not None:
+                touched = self._torch[self._moving][:, None, None] & own.T[boxes.owner]
+                need = np.where(touched, NEAR, need)
+            i, k, m = near_boxes(start, end, boxes.lower, boxes.upper, need + self._radius[self._moving][:, None, None])
+            i, k = self._moving[i], boxes.owner[k]
+            sure = ~self._shaped_pairs[i, k]
+            out[m[sure]] = k[sure]
+            code = (i * len(self.solids) + k)[~sure]
+            for pair in np.unique(code).tolist():
+                unsure.setdefault(divmod(pair, len(self.solids)), []).append(m[~sure][code == pair])
+        for (i, k), rows in unsure.items():
+            near = np.unique(np.concatenate(rows))
+            near = near[out[near] == CLEAR]
+            exempt = own is not None and self._torch[i]
+            need = np.where(own[near, k], NEAR, margin[near]) if exempt and own is not None else margin[near]
+            assert self._shapes is not None
+            out[self._shapes.near((i, None, k), q, frames, near, need)] = k
 
-    def _shaped(self, pair: tuple[int, int | None, int | None]) -> bool:
+    def _against_itself(
+        self,
+        q: Float[np.ndarray, "postures joints"],
+        frames: Frames,
+        ends: tuple[Segments, Segments],
+        margin: Float[np.ndarray, " postures"],
+        out: Int[np.ndarray, " postures"],
+    ) -> None:
+        """Note the postures in which arm and torch come too near to each other in `out`."""
+        first, second = self._pairs
+        reach = (self._radius[first] + self._radius[second])[:, None]
+        p, m = near_segments(*ends, first, second, np.maximum(margin, 0.0) + reach)
+        for k in np.unique(p).tolist():
+            pair, rows = (int(first[k]), int(second[k]), None), m[p == k]
+            if self._shaped(pair):
+                assert self._shapes is not None
+                rows = rows[out[rows] == CLEAR]
+                rows = self._shapes.near(pair, q, frames, rows, margin[rows])
+            out[rows] = len(self.solids)
+
+    @cached_property
+    def _shapes(self) -> "Confirmation | None":
+        """The shapes behind capsules and obstacles, where there are any and the extra is installed."""
+        if self.exact is None:
+            return None
+        from probe.motion.confirmation import Confirmation
+
+        return Confirmation(self.cell.robot, self.exact, self.bodies, self.capsules, self.boxes, self.frames)
+
+    @cached_property
+    def _shaped_pairs(self) -> Bool[np.ndarray, "capsules obstacles"]:
+        pairs = [[self._shaped((i, None, k)) for k in range(len(self.solids))] for i in range(len(self.capsules))]
+        return np.array(pairs, dtype=bool).reshape(len(self.capsules), len(self.solids))
+
+    def _shaped(self, pair: "Pair") -> bool:
         """Whether a pair is of shapes that can be asked themselves."""
-        known = len(self.bodies)
-        return self.exact is not None and (pair[0] < known or (pair[1] is not None and pair[1] < known))
+        if self.exact is None:
+            return False
+        i, j, k = pair
+        count = len(self.bodies)
+        return i < count or (j is not None and j < count) or (k is not None and self.solids[k].shape is not None)
 
-    def _torch(self, capsule: Capsule) -> bool:
-        return capsule.link == len(self.cell.robot.joints)
+    def segments_near(self, start: Points, end: Points, need: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
+        """Segments, of a bare wire for instance, that come nearer to any obstacle than `need` [mm]."""
+        out = np.zeros(start.shape[1], dtype=bool)
+        for boxes in self.boxes:
+            a, b = boxes.seen(start[:, None]), boxes.seen(end[:, None])
+            _, k, m = near_boxes(a, b, boxes.lower, boxes.upper, need[None, None])
+            k = boxes.owner[k]
+            shaped = np.array([self.exact is not None and self.solids[i].shape is not None for i in k], dtype=bool)
+            out[m[~shaped]] = True
+            for i in np.unique(k[shaped]).tolist():
+                assert self.exact is not None
+                rows = np.unique(m[shaped & (k == i)])
+                rows = rows[~out[rows]]
+                out[rows[self.exact.segments_near(i, start[:, rows], end[:, rows], need[rows])]] = True
+        return out
 
-    def _between(self, ends: list[tuple[Points, Points]], i: int, j: int) -> Float[np.ndarray, " postures"]:
-        return segment_segment(*ends[i], *ends[j]) - self.capsules[i].radius - self.capsules[j].radius
+    def segment_gaps(self, start: Points, end: Points, most: float = np.inf) -> Float[np.ndarray, " rows"]:
+        """Distances of segments, of a bare wire for instance, from the nearest obstacle, `most` where more [mm]."""
+        out = np.full(start.shape[1], most)
+        for boxes in self.boxes:
+            a, b = boxes.seen(start[:, None]), boxes.seen(end[:, None])
+            bound = np.sqrt(segment_box_bound(a, b, boxes.lower, boxes.upper))[0]
+            for n, k in enumerate(boxes.owner.tolist()):
+                rows = np.flatnonzero(bound[n] < out)
+                if self.exact is not None and self.solids[k].shape is not None:
+                    gap = self.exact.segment_distances(k, start[:, rows], end[:, rows])
+                else:
+                    gap = segment_box(a[:, 0, rows], b[:, 0, rows], boxes.lower[:, n], boxes.upper[:, n])
+                out[rows] = np.minimum(out[rows], gap)
+        return out
 
+    def gaps(
+        self, q: Float[np.ndarray, "postures joints"], most: float = np.inf
+    ) -> tuple[Float[np.ndarray, " postures"], Float[np.ndarray, " postures"]]:
+        """Smallest distances of arm and torch from the obstacles, and from each other, `most` where they are more [mm].
 
-def _closer(solid: Obstacle, start: Points, end: Points, need: Float[np.ndarray, "..."]) -> Int[np.ndarray, " some"]:
-    """Segments that come closer to a solid than `need` [mm]; only where the middle is near, the distance is taken."""
-    half = np.sqrt(((end - start) ** 2).sum(axis=0)) / 2
-    need = np.broadcast_to(need, half.shape)
-    close = np.flatnonzero(solid.point((start + end) / 2) < half + need)
-    return close[solid.segment(start[:, close], end[:, close]) < need[close]] if len(close) else close
+        Negative where they meet, but no deeper than a radius; infinite where nothing could meet.
+        """
+        outside, inside = np.full(len(q), most), np.full(len(q), most)
+        for part in self._chunks(len(q)):
+            frames = self.frames(q[part])
+            start, end = self._ends(frames)
+            for boxes in self.boxes:
+                a, b = boxes.seen(start), boxes.seen(end)
+                bound = np.sqrt(segment_box_bound(a, b, boxes.lower, boxes.upper))
+                for i in self._moving.tolist():
+                    for n, k in enumerate(boxes.owner.tolist()):
+                        some = np.flatnonzero(bound[i, n] - self._radius[i] < outside[part])
+                        gap = segment_box(a[:, i, some], b[:, i, some], boxes.lower[:, n], boxes.upper[:, n])
+                        self._lower(outside[part], some, gap - self._radius[i], (i, None, k), frames)
+            for i, j in self.pairs:
+                gap = segment_segment(start[:, i], end[:, i], start[:, j], end[:, j])
+                gap -= self._radius[i] + self._radius[j]
+                self._lower(inside[part], np.arange(len(gap)), gap, (i, j, None), frames)
+        return outside, inside
 
+    def _lower(
+        self, least: np.ndarray, rows: Int[np.ndarray, " some"], gap: np.ndarray, pair: "Pair", frames: Frames
+    ) -> None:
+        """Lower some of the least distances to those of a pair, of its shapes where capsules are nearer."""
+        less = gap < least[rows]
+        rows, gap = rows[less], gap[less]
+        if self._shaped(pair):
+            assert self.exact is not None
+            gap = self.exact.distances(pair, frames, rows)
+        least[rows] = np.minimum(least[rows], gap)
 
-def _chunks(rows: int) -> list[slice]:
-    return [slice(i, min(i + CHUNK, rows)) for i in range(0, rows, CHUNK)]
+    def _chunks(self, rows: int) -> Iterator[slice]:
+        pairs = len(self.capsules) * max(sum(len(boxes.owner) for boxes in self.boxes), len(self.pairs), 1)
+        return slices(rows, max(CHUNK // max(pairs, 1), 64))

@@ -1,6 +1,6 @@
-"""The ways between touches: straight in joint space, clear of jig and arm, and over lifted postures where they must."""
+"""Straight ways in joint space between postures: whether arm, torch and wire keep clear of the jig on them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,39 +10,50 @@ from identify.model.cell import Cell
 from identify.model.ik_step import LEVER
 from probe.motion.clearance import CLEAR, MARGIN, WIRE, Clearance
 from probe.motion.torch import STICKOUT
+from probe.motion.tour import between
 
 COARSE = 0.2  # [rad] a joint may turn between two postures that are looked at, of ways that could be taken
-FINE = 0.03  # [rad], of ways that are taken: what swings half a metre moves less than a nozzle is thick
+FINE = 0.03  # [rad], of ways that are taken
 SHARE = 0.8  # of the distance that the nearer end of a way has, which the way keeps where it cannot keep more
+SPACING = 3.0  # [mm] that a point of arm or torch moves between two looks, at the least
+INTERVALS = 8  # of a way, for how far such points move on it
 
 
 @dataclass(frozen=True, eq=False)
 class Edges:
     """Which straight ways in joint space are clear, by as much as the tip may be off.
 
-    A way keeps `keep` from the jig, or most of what both its ends have: like the inset, the margin comes from what is
-    known of the robot, and ends where there would be no way left.
+    A way keeps `keep` from the jig, or most of what both its ends have, and never less than half of MARGIN (arm and
+    torch) and WIRE where its ends have that: the margin comes from what is known of the robot, and ends where there
+    would be no way left.
     """
 
     clearance: Clearance
     keep: float = field(default=0.0, kw_only=True)  # [mm]
 
+    def at(self, theta: Float[np.ndarray, " parameters"], keep: float) -> "Edges":
+        """The ways of a robot with other parameters, whose tip may be off by another amount."""
+        return replace(self, clearance=self.clearance.at(theta), keep=keep)
+
     def clear(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
     ) -> Bool[np.ndarray, " ways"]:
-        """Edges on which arm and torch keep their margin, and the bare wire, between looks too, its own."""
-        ok = np.ones(len(start), dtype=bool)
-        owner, q = self._postures(start, end, step)
-        if not len(owner):
-            return ok
-        arm, wire = self._margins(start, end)
+        """Ways on which arm and torch keep their margin, and the bare wire, between looks too, its own."""
+        if not len(start):
+            return np.ones(0, dtype=bool)
+        arm, inside, wire = self._margins(start, end)
+        ok = (arm > 0) & (inside > 0) & (wire > 0)
+        some = np.flatnonzero(ok)
+        owner, q = self._postures(start[some], end[some], step, arm[some])
+        owner = some[owner]
         ok[owner[self._wire_near(owner, q, wire)]] = False
-        left = np.flatnonzero(ok[owner])
-        ok[owner[left[self.clearance.hits(q[left], margin=arm[owner[left]]) != CLEAR]]] = False
+        rest = np.flatnonzero(ok[owner])
+        on = owner[rest]
+        ok[on[self.clearance.hits(q[rest], margin=arm[on], inside=inside[on]) != CLEAR]] = False
         return ok
 
     def among(self, q: Float[np.ndarray, "poses joints"]) -> Bool[np.ndarray, "poses poses"]:
-        """Edges between every two poses that seem clear at a coarse look; each way is looked at once."""
+        """Ways between every two poses that seem clear at a coarse look; each way is looked at once."""
         name = [row.tobytes() for row in q]
         a, b = np.triu_indices(len(q), 1)
         pairs = [(name[i], name[j]) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
@@ -55,41 +66,56 @@ class Edges:
 
     @cached_property
     def _seen(self) -> dict[tuple[bytes, bytes], bool]:
-        """Edges that were looked at coarsely, by both their ends."""
+        """Ways that were looked at coarsely, by both their ends."""
         return {}
 
     def _margins(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
-    ) -> tuple[Float[np.ndarray, " ways"], Float[np.ndarray, " ways"]]:
-        """What arm and torch, and what the bare wire keep on ways [mm]."""
-        least = MARGIN / 2, WIRE
-        if self.keep <= min(least):
-            return np.full(len(start), least[0]), np.full(len(start), least[1])
-        q, index = np.unique(np.concatenate([start, end]), axis=0, return_inverse=True)
-        gaps = self.clearance.gaps(q)[0], self._wire_gap(q)
-        nearer = [gap[index.ravel()].reshape(2, -1).min(axis=0) for gap in gaps]
-        arm, wire = (
-            np.maximum(np.minimum(SHARE * gap, self.keep), low) for gap, low in zip(nearer, least, strict=True)
-        )
-        return arm, wire
+    ) -> tuple[Float[np.ndarray, " ways"], Float[np.ndarray, " ways"], Float[np.ndarray, " ways"]]:
+        """What arm and torch keep from obstacles and from each other, and what the bare wire keeps [mm].
 
-    def _wire_gap(self, q: Float[np.ndarray, "postures joints"]) -> Float[np.ndarray, " postures"]:
-        """Distance of the bare wire from the nearest solid [mm]."""
-        tip, R = self.clearance.cell.kinematics.tip(q, self.clearance.theta)
-        back = (tip - STICKOUT * R[:, :, 2]).T
-        gaps = [solid.segment(tip.T, back) for solid in self.clearance.solids]
-        return np.min(gaps, axis=0) if gaps else np.full(len(q), np.inf)
+        Not above 0 where one of the ends has nothing to keep.
+        """
+        q, index = np.unique(np.concatenate([start, end]), axis=0, return_inverse=True)
+        arm, inside = self.clearance.gaps(q, max(self.keep, MARGIN) / SHARE)
+        wire = self.clearance.segment_gaps(*self.clearance.wire(q), max(self.keep, WIRE) / SHARE)
+        nearer = [gap[index.ravel()].reshape(2, -1).min(axis=0) for gap in (arm, inside, wire)]
+        most = max(self.keep, MARGIN / 2), min(max(self.keep, MARGIN / 2), MARGIN), max(self.keep, WIRE)
+        kept = [np.minimum(SHARE * gap, limit) for gap, limit in zip(nearer, most, strict=True)]
+        return kept[0], kept[1], kept[2]
 
     def _postures(
-        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float
+        self,
+        start: Float[np.ndarray, "ways joints"],
+        end: Float[np.ndarray, "ways joints"],
+        step: float,
+        margin: Float[np.ndarray, " ways"],
     ) -> tuple[Int[np.ndarray, " postures"], Float[np.ndarray, "postures joints"]]:
-        """Postures along ways, no farther apart than `step`, ends included; and the way that each is on."""
+        """Postures along ways, no farther apart than `step`, ends included; and the way that each is on.
+
+        At a fine look no point of arm or torch moves more than twice the margin in between: it then never hits.
+        """
         unit = np.where(self.clearance.cell.robot.prismatic, LEVER, 1.0)
         count = 1 + np.ceil(np.maximum(np.abs((end - start) / unit).max(axis=1, initial=0.0) / step, 1)).astype(int)
+        if step <= FINE and len(start):
+            fastest = INTERVALS * self._travel(start, end)  # [mm] on a whole way
+            count = np.maximum(count, 1 + np.ceil(fastest / np.maximum(1.9 * margin, SPACING)).astype(int))
         owner = np.repeat(np.arange(len(start)), count)
         place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         s = place / (count[owner] - 1)
         return owner, start[owner] + s[:, None] * (end - start)[owner]
+
+    def _travel(
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
+    ) -> Float[np.ndarray, " ways"]:
+        """The most that a point of arm or torch moves on one of INTERVALS equal parts of each way [mm]."""
+        q = between(start, end, INTERVALS + 1)
+        move = np.zeros(len(start))
+        for ends in self.clearance.ends(q.reshape(-1, q.shape[2])):
+            p = ends.reshape(3, ends.shape[1], len(start), INTERVALS + 1)
+            if p.size:
+                move = np.maximum(move, np.sqrt((np.diff(p, axis=3) ** 2).sum(axis=0)).max(axis=(0, 2)))
+        return move
 
     def _wire_near(
         self,
@@ -97,14 +123,12 @@ class Edges:
         q: Float[np.ndarray, "postures joints"],
         margin: Float[np.ndarray, " ways"],
     ) -> Bool[np.ndarray, " postures"]:
-        """Postures from which tip or middle of the bare wire come too near to a solid before the next one."""
+        """Postures from which tip or middle of the bare wire come too near to an obstacle before the next one."""
         tip, R = self.clearance.cell.kinematics.tip(q, self.clearance.theta)
-        near = np.zeros(len(q), dtype=bool)
-        going, need = owner[1:] == owner[:-1], margin[owner]
+        near, going = np.zeros(len(q), dtype=bool), owner[1:] == owner[:-1]
+        need = margin[owner[:-1][going]]
         for point in (tip, tip - STICKOUT / 2 * R[:, :, 2]):
-            start, end = point[:-1][going].T, point[1:][going].T
-            for solid in self.clearance.solids:
-                near[:-1][going] |= solid.segment(start, end) < need[:-1][going]
+            near[:-1][going] |= self.clearance.segments_near(point[:-1][going].T, point[1:][going].T, need)
         return near
 
 
@@ -124,12 +148,9 @@ def astray(clear: Bool[np.ndarray, "touches touches"], blocked: Int[np.ndarray, 
 
 def components(clear: Bool[np.ndarray, "touches touches"]) -> Int[np.ndarray, " touches"]:
     """The group of each touch: those that clear ways connect, directly or through others, share one."""
-    group = np.arange(len(clear))
-    while True:
-        joined = np.where(clear, group, len(group)).min(axis=1)
-        if np.array_equal(joined, group):
-            return np.unique(group, return_inverse=True)[1]
-        group = joined
+    from scipy.sparse.csgraph import connected_components
+
+    return np.asarray(connected_components(clear, directed=False)[1])
 
 
 def like(

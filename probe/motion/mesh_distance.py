@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.model.joint import Capsule
 from identify.model.shape import Shape
+from probe.motion.distances import Points
 from probe.motion.obstacles import Obstacle
 
 THINNEST = 1e-3  # [mm], of a plate
@@ -40,39 +41,64 @@ class Exact:
     def __init__(self, moving: Sequence[Shape | Capsule], standing: Sequence[Obstacle]) -> None:
         self.moving = [(one.link, *_solid(one)) for one in moving]
         self.standing = [_standing(solid) for solid in standing]
-        self.request, self.result = coal.CollisionRequest(), coal.CollisionResult()
-        self.asked, self.told = coal.DistanceRequest(), coal.DistanceResult()
+        self.collision, self.contacts = coal.CollisionRequest(), coal.CollisionResult()
+        self.distance, self.nearest = coal.DistanceRequest(), coal.DistanceResult()
 
     def near(
         self, pair: Pair, frames: Sequence[Frames], rows: Int[np.ndarray, " rows"], margin: Float[np.ndarray, " rows"]
     ) -> Bool[np.ndarray, " rows"]:
         """Postures in which a moving solid comes nearer than a margin [mm] to another or to one that stands."""
         a, b, placed = self._placed(pair, frames, rows)
-        out = np.zeros(len(rows), dtype=bool)
-        for k, ((A, B), least) in enumerate(zip(placed, margin.tolist(), strict=True)):
-            self.request.security_margin = least
-            out[k] = self._meet(a.hull, A, b.hull, B)
-            if out[k] and not (a.convex and b.convex):
-                out[k] = self._meet(a.itself, A, b.itself, B)
+        return np.array(
+            [self._near(a, A, b, B, m) for (A, B), m in zip(placed, margin.tolist(), strict=True)], dtype=bool
+        )
+
+    def segments_near(
+        self, k: int, start: Points, end: Points, margin: Float[np.ndarray, " rows"]
+    ) -> Bool[np.ndarray, " rows"]:
+        """Segments that come nearer than a margin [mm] to a solid that stands."""
+        b, B = self.standing[k]
+        out = np.zeros(start.shape[1], dtype=bool)
+        for i, (p, q, m) in enumerate(zip(start.T, end.T, margin.tolist(), strict=True)):
+            line, A = _capsule(p, q, THINNEST)
+            out[i] = self._near(_same(line), coal.Transform3s(A[:3, :3], A[:3, 3]), b, B, m)
         return out
 
+    def segment_distances(self, k: int, start: Points, end: Points) -> Float[np.ndarray, " rows"]:
+        """Distances of segments from a solid that stands [mm], 0 where they meet."""
+        b, B = self.standing[k]
+        out = np.zeros(start.shape[1])
+        for i, (p, q) in enumerate(zip(start.T, end.T, strict=True)):
+            line, A = _capsule(p, q, THINNEST)
+            self.nearest.clear()
+            place = coal.Transform3s(A[:3, :3], A[:3, 3])
+            out[i] = max(coal.distance(line, place, b.itself, B, self.distance, self.nearest), 0.0)
+        return out
+
+    def _near(self, a: Solid, A: Any, b: Solid, B: Any, margin: float) -> bool:
+        self.collision.security_margin = margin
+        if not self._meet(a.hull, A, b.hull, B):
+            return False
+        return (a.convex and b.convex) or self._meet(a.itself, A, b.itself, B)
+
     def _meet(self, a: Any, A: Any, b: Any, B: Any) -> bool:
-        self.result.clear()
-        return bool(coal.collide(a, A, b, B, self.request, self.result) > 0)
+        self.contacts.clear()
+        return bool(coal.collide(a, A, b, B, self.collision, self.contacts) > 0)
 
     def distances(
         self, pair: Pair, frames: Sequence[Frames], rows: Int[np.ndarray, " rows"]
     ) -> Float[np.ndarray, " rows"]:
         """Distances between a moving solid and another or one that stands [mm], 0 where they meet.
 
-        Of meshes, those of their convex hulls, which are no larger: to meshes of many triangles they take thousands of
-        times as long.
+        Of meshes that move, those of their convex hulls, which are no larger: to meshes of many triangles they take
+        thousands of times as long. A mesh that stands is a fixture, which a hull would close.
         """
         a, b, placed = self._placed(pair, frames, rows)
+        other = b.hull if pair[2] is None else b.itself
         out = np.zeros(len(rows))
-        for k, (A, B) in enumerate(placed):
-            self.told.clear()
-            out[k] = max(coal.distance(a.hull, A, b.hull, B, self.asked, self.told), 0.0)
+        for i, (A, B) in enumerate(placed):
+            self.nearest.clear()
+            out[i] = max(coal.distance(a.hull, A, other, B, self.distance, self.nearest), 0.0)
         return out
 
     def _placed(
@@ -102,13 +128,20 @@ def _solid(one: Shape | Capsule) -> tuple[Solid, Float[np.ndarray, "4 4"]]:
     """A solid as coal has it, and where that stands on its link."""
     if isinstance(one, Shape):
         return _shape(one), np.eye(4) if one.kind == "mesh" else one.pose
-    start, end = np.array(one.start), np.array(one.end)
+    capsule, local = _capsule(np.array(one.start), np.array(one.end), one.radius)
+    return _same(capsule), local
+
+
+def _capsule(
+    start: Float[np.ndarray, " 3"], end: Float[np.ndarray, " 3"], radius: float
+) -> tuple[Any, Float[np.ndarray, "4 4"]]:
+    """A capsule as coal has it, along z, and where that stands."""
     length, local = float(np.linalg.norm(end - start)), np.eye(4)
     local[:3, 3] = (start + end) / 2
     if length > 0:
-        local[:3, :3] = np.linalg.svd((end - start)[None])[2][[1, 2, 0]].T  # its axis is z
+        local[:3, :3] = np.linalg.svd((end - start)[None])[2][[1, 2, 0]].T
         local[:3, 0] *= np.sign(np.linalg.det(local[:3, :3]))
-    return _same(coal.Capsule(one.radius, length)), local
+    return coal.Capsule(radius, length), local
 
 
 @lru_cache(maxsize=128)
@@ -149,6 +182,9 @@ def _hull(vertices: Float[np.ndarray, "vertices 3"]) -> Any:
 
 
 def _standing(solid: Obstacle) -> tuple[Solid, Any]:
+    if solid.shape is not None:
+        T = np.eye(4) if solid.shape.kind == "mesh" else solid.shape.pose
+        return _shape(solid.shape), coal.Transform3s(T[:3, :3], T[:3, 3])
     R = np.eye(3) if solid.axes is None else solid.axes.T
     middle = R @ (solid.lower + solid.upper) / 2
     return _same(coal.Box(*np.maximum(solid.upper - solid.lower, THINNEST).tolist())), coal.Transform3s(R, middle)
