@@ -203,20 +203,21 @@ class Clearance:
             if own is not None:
                 touched = self._torch[self._moving][:, None, None] & own.T[boxes.owner]
                 need = np.where(touched, NEAR, need)
-            i, k, m = near_boxes(start, end, boxes.lower, boxes.upper, need + self._radius[self._moving][:, None, None])
-            i, k = self._moving[i], boxes.owner[k]
-            sure = ~self._shaped_pairs[i, k]
-            out[m[sure]] = k[sure]
-            code = (i * len(self.solids) + k)[~sure]
+            reach = need + self._radius[self._moving][:, None, None]
+            near, box, m = near_boxes(start, end, boxes.lower, boxes.upper, reach)
+            one, other = self._moving[near], boxes.owner[box]
+            sure = ~self._shaped_pairs[one, other]
+            out[m[sure]] = other[sure]
+            code = (one * len(self.solids) + other)[~sure]
             for pair in np.unique(code).tolist():
                 unsure.setdefault(divmod(pair, len(self.solids)), []).append(m[~sure][code == pair])
         for (i, k), rows in unsure.items():
-            near = np.unique(np.concatenate(rows))
-            near = near[out[near] == CLEAR]
+            some = np.unique(np.concatenate(rows))
+            some = some[out[some] == CLEAR]
             exempt = own is not None and self._torch[i]
-            need = np.where(own[near, k], NEAR, margin[near]) if exempt and own is not None else margin[near]
+            need = np.where(own[some, k], NEAR, margin[some]) if exempt and own is not None else margin[some]
             assert self._shapes is not None
-            out[self._shapes.near((i, None, k), q, frames, near, need)] = k
+            out[self._shapes.near((i, None, k), q, frames, some, need)] = k
 
     def _against_itself(
         self,

@@ -41,7 +41,7 @@ def placed(capsules: Sequence[Capsule], frames: Frames) -> tuple[Segments, Segme
     start, end = (np.empty((3, len(capsules), len(frames[0]))) for _ in range(2))
     links = np.array([c.link for c in capsules], dtype=int)
     for link in np.unique(links).tolist():
-        mine, T = np.flatnonzero(links == link), frames[link].transpose(1, 2, 0)
+        mine, T = np.flatnonzero(links == link).tolist(), frames[link].transpose(1, 2, 0)
         for out, ends in ((start, [capsules[i].start for i in mine]), (end, [capsules[i].end for i in mine])):
             x, y, z = np.array(ends).T[:, :, None]
             for k in range(3):

@@ -65,13 +65,12 @@ def _obstacle(shape: Shape) -> Obstacle:
     if shape.kind == "mesh":
         vertices = shape.mesh[0] if axes is None else shape.mesh[0] @ R
         return Obstacle(vertices.min(axis=0), vertices.max(axis=0), axes, shape.name, shape)
-    half = {
-        "box": lambda size: np.array(size) / 2,
-        "cylinder": lambda size: np.array([size[0], size[0], size[1] / 2]),
-        "sphere": lambda size: np.full(3, size[0]),
-    }[shape.kind](shape.size)
+    size = np.array(shape.size)
+    half = {"box": size / 2, "cylinder": np.array([size[0], size[0], size[-1] / 2]), "sphere": np.full(3, size[0])}
     centre = middle if axes is None else axes @ middle
-    return Obstacle(centre - half, centre + half, axes, shape.name, None if shape.kind == "box" else shape)
+    return Obstacle(
+        centre - half[shape.kind], centre + half[shape.kind], axes, shape.name, None if shape.kind == "box" else shape
+    )
 
 
 def _plate(face: Face) -> Obstacle:
