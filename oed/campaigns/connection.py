@@ -122,6 +122,6 @@ def connection(
 
 def _start(cell: Cell, plan: Plan, journal: Path) -> np.ndarray:
     """Where a virtual robot stands: where an interrupted run could go back to, else jogged to the first approach."""
-    records = read_records(journal)[0] if journal.exists() else []
+    records = read_records(journal).records
     back = [record["back"] for record in records if record["kind"] == "intent"]
     return np.array(back[-1]) * cell.robot.joint_unit() if back else plan.approach[0]

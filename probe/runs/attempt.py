@@ -2,37 +2,15 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from jaxtyping import Float
+from probe.line.controller import CODES, Contact, InTheWay, NoContact, NotReady, Rebooted, Refused, State, TouchError
+from probe.motion.joint_path import Target
+from probe.runs.acceptance import objection, unconfirmed
+from probe.runs.events import Recovered
+from probe.runs.records import APPROACH, CONTACT, RETRACTED, Reading
+from probe.runs.retreat import HOPELESS, Joints, Retreat
 
-from probe.line.clock import Clock
-from probe.line.controller import (
-    CODES,
-    Contact,
-    Controller,
-    InTheWay,
-    NoContact,
-    NotReady,
-    Rebooted,
-    Refused,
-    State,
-    TouchError,
-)
-from probe.motion.joint_path import Geometry, Target
-from probe.motion.router import Ways
-from probe.motion.settings import Settings
-from probe.runs.acceptance import objection
-from probe.runs.events import Listener, Recovered, Waiting
-from probe.runs.records import Intent, Reading
-from probe.runs.session import Session
-
-HOPELESS = {"ESTOP", "UNHOMED", "STOPPED"}  # somebody at the robot decided so: no motion follows
 FUTILE = {"LIMIT", "SYNTAX"}  # a second attempt would be answered alike
-WAYS_BACK = 3  # attempts to go back along an approach
 REST = 0.1  # [s] for the contact to settle once the robot rests on it
-POLL = 0.05  # [s] between two looks at the touch input
-
-Joints = Float[np.ndarray, " joints"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,17 +30,8 @@ class Failed:
     again: bool = True  # whether another attempt may end better
 
 
-class Motion:
-    """The robot in the hands of a run: it knows where it stands, and writes down every motion before it asks for it."""
-
-    def __init__(
-        self, controller: Controller, session: Session, settings: Settings, tell: Listener, clock: Clock
-    ) -> None:
-        self.controller, self.session, self.settings, self.tell, self.clock = controller, session, settings, tell, clock
-        self.geometry = Geometry(session.cell, settings)
-        self.ways = Ways(self.geometry, [q for i in range(len(session.plan)) for q in session.plan.way(i)])
-        self.here: Joints = np.full(controller.joints, np.nan)  # [rad] or [mm]
-        self.boot = ""
+class Motion(Retreat):
+    """Attempts at touches, each from its approach to its retract."""
 
     def begin(self) -> tuple[bool, Measured | Failed | None]:
         """Look at the controller, and bring a broken run back to its approach.
@@ -88,7 +57,10 @@ class Motion:
                 "with --resume --trust-position"
             )
         picked_up = self._picked_up(state)
+        search = self.session.search
         self.retreat()
+        if isinstance(picked_up, Measured) and search and (reason := unconfirmed(self.session.evidence, search)):
+            picked_up = Failed("skipped", reason)
         return known, picked_up
 
     def attempt(self, target: Target, name: str, near: Joints | None = None) -> Measured | Failed:
@@ -119,60 +91,6 @@ class Motion:
             status = "early" if refusal.code == "EARLY" else "skipped"
             return Failed(status, str(refusal), refusal.code not in FUTILE)
 
-    def retreat(self) -> None:
-        """Go back along the last motion to where it is safe, and out of contact; raises TouchError where it cannot."""
-        came_from: Joints | None = None
-        for _ in range(WAYS_BACK):
-            intent, began = self.session.intent, self._state().q
-            if intent is None or self._stands(began, intent):
-                break
-            if intent.kind == "retract" and self._apart(began, intent.start):
-                came_from = intent.start
-            try:
-                self._move(intent.back, intent.id, "retract", intent.back, self.settings.retract_speed)
-                break
-            except Refused as refusal:
-                if refusal.code in HOPELESS:
-                    raise TouchError(f"{refusal}; put that right, then go on with --resume") from None
-                if refusal.code == "EARLY":
-                    self.here = self._state().q
-                    came_from = began if self._apart(self.here, began) else came_from
-                    self._lean(came_from, intent)
-        else:
-            raise TouchError("the robot did not get back to its last approach; move it there by hand, then --resume")
-        self._await_open(self.session.intent)
-
-    def _lean(self, origin: Joints | None, intent: Intent) -> None:
-        """The wire caught on its way back: only towards where that began is open, until the wire is free."""
-        if origin is None:
-            return
-        nudge = 2 * self.settings.arrived / self.geometry.span(self.here, origin)
-        share = 0.5 if self._state().contact else min(nudge, 0.5)
-        q = self.here + share * (origin - self.here)
-        try:
-            self._move(q, intent.id, "retract", intent.back, self.geometry.search_speed)
-        except Refused as refusal:
-            self.tell(Waiting(str(refusal)))
-
-    def _apart(self, a: Joints, b: Joints) -> bool:
-        return self.geometry.span(a, b) > self.settings.arrived
-
-    def _stands(self, q: Joints, intent: Intent) -> bool:
-        """Whether the robot needs no way back; raises TouchError where it is not on the way at all."""
-        self.here = q
-        if not self._apart(q, intent.back):
-            return True
-        at, off = self.geometry.fraction(q, intent.start, intent.end)
-        slack = self.settings.arrived / max(self.geometry.span(intent.start, intent.end), self.settings.arrived)
-        if off <= self.settings.arrived and -slack <= at <= 1 + slack:
-            return False
-        if self.settings.trust_position:
-            return True
-        raise TouchError(
-            "the robot does not stand on its last path: somebody has moved it; bring the tip clear of the jig by hand, "
-            "then go on with --resume --trust-position"
-        )
-
     def _first_look(self, state: State) -> None:
         if state.contact:
             raise NotReady("the touch input is closed before the first motion; free the wire, or check the input")
@@ -193,9 +111,11 @@ class Motion:
                 return Failed("skipped", "nothing was touched")
             contact = Contact(latch.q, state.q, latch.boot, latch.sequence)
             self.session.latched(contact)
-        if self.session.intent is search and not state.contact:
-            return Failed("skipped", "the contact did not last")
-        why_not = objection(contact, search, self.geometry)
+        if self.session.intent is search:
+            self._observe(CONTACT, self._settled())
+        elif RETRACTED not in self.session.evidence:
+            return Failed("skipped", "nobody saw the input open when the wire left the face")
+        why_not = objection(contact, search, self.session.evidence, self.geometry)
         velocity = self.geometry.velocity(search.start, search.end, search.rate)
         return Failed("skipped", why_not) if why_not else Measured(Reading(contact.q, velocity))
 
@@ -216,12 +136,16 @@ class Motion:
         found = self._seek(target, name, "search", self.geometry.search_speed, back)
         if isinstance(found, Failed):
             return found
+        intent = self.session.search
         self.retreat()
+        if intent and (why_not := unconfirmed(self.session.evidence, intent)):
+            return Failed("skipped", why_not)
         return Measured(self._reading(found, target, self.geometry.search_speed))
 
     def _seek(self, target: Target, name: str, kind: str, speed: float, back: Joints) -> Contact | Failed:
         """Search at a speed [mm/s]; where it ends in a contact that counts, the robot still rests on it."""
         rate = self.geometry.search_rate(target, speed)
+        self._observe(APPROACH, self._state())
         intent = self._intend(kind, name, target.approach, target.end, back, rate)
         found = self.controller.search(target.end, rate)
         if isinstance(found, NoContact):
@@ -230,20 +154,19 @@ class Motion:
             return Failed("miss", f"nothing met within {target.length:.1f} mm of search")
         self.session.latched(found)
         self.here = found.stop
-        why_not = objection(found, intent, self.geometry)
-        if not why_not and not self._rests():
-            why_not = "the contact did not last until the robot stood still"
+        self._observe(CONTACT, self._settled())
+        why_not = objection(found, intent, self.session.evidence, self.geometry)
         if not why_not:
             return found
         self.retreat()
         return Failed("skipped", why_not)
 
-    def _rests(self) -> bool:
-        """Whether the input is closed while the robot rests on the contact; it may bounce at first."""
+    def _settled(self) -> State:
+        """The state of a robot that rests on a contact; the input may bounce at first."""
         until = self.clock.now() + REST
-        while not (closed := self._state().contact) and self.clock.now() < until:
+        while not (state := self._state()).contact and self.clock.now() < until:
             self.clock.sleep(REST / 10)
-        return closed
+        return state
 
     def _backed_off(self, quick: Contact, target: Target, name: str, back: Joints) -> Target:
         """Stand a little before a contact: where the slow search begins."""
@@ -257,54 +180,6 @@ class Motion:
     def _from(self, start: Joints, target: Target) -> Target:
         """The same search from a later start."""
         return replace(target, approach=start, length=self.geometry.length(start, target.end))
-
-    def _await_open(self, came: Intent | None = None) -> None:
-        """Wait for the sensing signal to clear: power sources hold it for 0.3 to 0.5 s.
-
-        Where it does not although the robot `came` back, the approach itself may touch: a little further back, then.
-        """
-        since = self.clock.now()
-        while self._state().contact:
-            waited = self.clock.now() - since
-            if waited > self.settings.stuck:
-                raise TouchError(
-                    f"the touch input is still closed {self.settings.stuck:g} s after the wire left the face; "
-                    "free or cut the wire, check the input, then go on with --resume"
-                )
-            if came is not None and waited > self.settings.stuck / 2:
-                self._further(came)
-                came = None
-            self.tell(Waiting("sensing signal clears"))
-            self.clock.sleep(POLL)
-
-    def _further(self, came: Intent) -> None:
-        """On along the way back, beyond the approach that it led to."""
-        origin = came.end if self._apart(came.end, came.back) else came.start
-        far = self.geometry.length(origin, came.back) + self.settings.further
-        q = self.geometry.beyond(origin, came.back, far)
-        try:
-            self._move(q, came.id, "retract", q, self.geometry.search_speed)
-        except Refused as refusal:
-            self.tell(Waiting(str(refusal)))
-
-    def _move(self, q: Joints, name: str, kind: str, back: Joints, speed: float) -> None:
-        """Move at a speed of the tip [mm/s]; raises Refused where it does not arrive."""
-        rate = self.geometry.move_rate(self.here, q, speed)
-        self._intend(kind, name, self.here, q, back, rate)
-        self.here = self.controller.move(q, rate)
-        if self._apart(self.here, q):
-            raise Refused("NOTREACHED", f"off by {np.degrees(self.geometry.span(self.here, q)):.3f} deg")
-
-    def _intend(self, kind: str, name: str, start: Joints, end: Joints, back: Joints, rate: float) -> Intent:
-        intent = Intent(kind, name, self.boot, self.controller.sequence, start, end, back, rate)
-        self.session.intend(intent)
-        return intent
-
-    def _state(self) -> State:
-        state = self.controller.state()
-        if self.boot not in ("", state.boot):
-            raise Rebooted("the controller has started anew; go on with --resume")
-        return state
 
     def _reading(self, contact: Contact, target: Target, speed: float) -> Reading:
         rate = self.geometry.search_rate(target, speed)

@@ -18,6 +18,7 @@ from probe.runs.records import AGAIN, Reading, Result
 from probe.runs.session import Session
 
 USUAL = Settings()
+TWICE = ", twice"  # the note of a touch that was repeated at once, and found again
 WORTH = 5.0  # [mm] of a search that a motion of its own may save
 
 
@@ -70,14 +71,48 @@ class Execution:
             self._learn(hit.reading, self._of(hit.id))
         self.tell(Started(len(self.targets), self._done(), self.controller.name))
         self._begin()
-        for target in self.targets:
-            if target.id not in self.session.results:
-                self._count(self._touch(target, target.id))
-                self._look_for_drift()
+        self._touch_all()
+        while self._take_back():
+            self._touch_all()
         hits = sum(self.session.results[name].status == HIT for name in self._by_id)
         finished = Finished(hits, len(self.targets), self.clock.robot() - self._start)
         self.tell(finished)
         return finished
+
+    def _touch_all(self) -> None:
+        """Every touch that has no result yet."""
+        for target in self.targets:
+            if target.id not in self.session.results:
+                self._count(self._touch(target, target.id))
+                self._look_for_drift()
+
+    def _take_back(self) -> bool:
+        """Take back the touches that all others speak against, each once; whether there were any.
+
+        What is far from the fit of all touches is judged by a fit that leaves it out: a wrong touch bends its own fit.
+        """
+        hits, floor = self.session.hits(), self.settings.disagreement
+        doubtful = 0
+        for hit in hits:
+            if hit.id not in self._by_id or hit.id in self.session.doubted or TWICE in hit.note:
+                continue
+            if abs(self._judge(Measured(hit.reading), self._of(hit.id)).difference) < floor / 2:
+                continue
+            others = Predictor(self.session.cell)
+            for other in hits:
+                if other.id != hit.id:
+                    others.learn(other.reading.q, self._of(other.id).face)
+            surprise = others.judge(hit.reading.q, self._of(hit.id).face)
+            if surprise.beyond(floor):
+                reason = f"{surprise.difference:+.2f} mm from what the other touches predict"
+                self.session.doubt(hit.id, reason)
+                self.tell(Retried(hit.id, 1, reason))
+                doubtful += 1
+        if doubtful:
+            self.predictor = Predictor(self.session.cell)
+            for hit in self.session.hits():
+                self._learn(hit.reading, self._of(hit.id))
+        return doubtful > 0
 
     def _begin(self) -> None:
         """See that the controller is ready, and bring a broken run to its end."""
@@ -131,7 +166,7 @@ class Execution:
                 surprise = self._judge(found, target)
                 twin = any(self._alike(found, other, target) for other in suspects)
                 if twin or not surprise.beyond(self.settings.disagreement):
-                    note = f"{surprise.difference:+.2f} mm from the prediction, twice" if twin else ""
+                    note = f"{surprise.difference:+.2f} mm from the prediction{TWICE}" if twin else ""
                     return self._record(name, HIT, found, surprise, attempt, note)
                 suspects.append(found)
                 found = Failed("outlier", f"{surprise.difference:+.2f} mm from the prediction")

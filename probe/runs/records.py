@@ -27,6 +27,19 @@ class Intent:
     rate: float  # [rad/s]
 
 
+APPROACH, CONTACT, RETRACTED = "approach", "contact", "retracted"  # where the robot stands when it is observed
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What the controller said while the robot stood still: before a search, on its contact, after its retract."""
+
+    place: str  # APPROACH | CONTACT | RETRACTED
+    boot: str
+    q: Float[np.ndarray, " joints"]  # [rad] or [mm]
+    closed: bool  # the touch input
+
+
 @dataclass(frozen=True, eq=False)
 class Reading:
     """Joint values at a latch and how fast they changed, so that a known delay can be taken back."""

@@ -1,8 +1,6 @@
 """One plan being touched, over as many runs as it takes: touches.csv, and the journal that it can be rebuilt from."""
 
-import csv
 import hashlib
-import io
 import os
 from pathlib import Path
 from types import TracebackType
@@ -17,16 +15,18 @@ from identify.model.io.tables import plan_text, touch_columns, touches_text
 from identify.model.touch import HIT, Plan, Touches
 from probe.line.clock import Clock
 from probe.line.controller import Contact
-from probe.runs.journal import Journal, Record, read_records, sync_folder
+from probe.runs.journal import Journal, Record, keep_copy, read_records, sync_folder, unwritable
 from probe.runs.lock import Lock
-from probe.runs.records import AGAIN, Intent, Result, result_of
+from probe.runs.records import AGAIN, APPROACH, Intent, Observation, Result, result_of
+from probe.runs.repair import listed, row_objection, sound_rows
 
 
 class Session:
     """The touches of one plan; exclusive, resumable, never a touch lost nor doubled. Use as a context manager.
 
     A result is synced to the journal first and to touches.csv next, and both before the next motion; opening a session
-    completes touches.csv from the journal. `repaired` says in a sentence what had to be put right.
+    completes touches.csv from the journal. A session opens whatever happened to its files: what is broken is named in
+    `repaired`, what is whole is kept, and a copy of what was found stays beside it.
     """
 
     def __init__(self, path: Path, cell: Cell, plan: Plan, *, resume: bool = False, clock: Clock | None = None) -> None:
@@ -39,9 +39,11 @@ class Session:
         self.intent: Intent | None = None  # the last motion that was asked for
         self.search: Intent | None = None  # the last search, while nothing has come of it
         self.contact: Contact | None = None  # what that search met, as far as it was heard
+        self.evidence: dict[str, Observation] = {}  # of that search, by place
+        self.doubted: set[str] = set()  # touches that were taken back once
         self._clock = clock or Clock()
         self._header = ",".join(touch_columns(cell.robot))
-        self._lines: list[str] = []
+        self._lines: dict[str, str] = {}  # rows of touches.csv by id
         self._lock = Lock(path.with_suffix(".lock"))
         try:
             self._journal = Journal(journal_path(path))
@@ -76,6 +78,16 @@ class Session:
         record: Record = {"kind": "latch", "boot": contact.boot, "seq": contact.sequence}
         self._append(record | {"q": self._out(contact.q), "stop": self._out(contact.stop)})
 
+    def observed(self, observation: Observation) -> None:
+        """Write down what the controller said while the robot stood still."""
+        record: Record = {"kind": "seen", "at": observation.place, "boot": observation.boot}
+        self._append(record | {"q": self._out(observation.q), "closed": bool(observation.closed)})
+
+    def doubt(self, name: str, reason: str) -> None:
+        """Take back a touch that later ones speak against: its row goes, the journal keeps it, it is touched again."""
+        self._append({"kind": "doubted", "id": name, "reason": reason})
+        self._write_table()
+
     def rejected(self, reason: str) -> None:
         """Write down that nothing came of the last search."""
         self._append({"kind": "rejected", "reason": reason})
@@ -91,10 +103,13 @@ class Session:
         if result.fast is not None:
             record |= {"fast_q": self._out(result.fast.q), "fast_velocity": self._out(result.fast.velocity)}
         self._append(record)
-        with self.path.open("ab") as file:
-            file.write((record["line"] + "\n").encode())
-            file.flush()
-            os.fsync(file.fileno())
+        try:
+            with self.path.open("ab") as file:
+                file.write((record["line"] + "\n").encode())
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise unwritable(self.path, error) from error
 
     def hits(self) -> list[Result]:
         """The touches that count, in the order in which they were made."""
@@ -103,17 +118,37 @@ class Session:
     def _open(self, resume: bool) -> None:
         if all(map(_is_nothing, self._journal.records)) and not self._rows_on_disk():
             self._journal.clear()
-        if not self._journal.records:
+        if self._journal.broken:
+            broken = f"{listed(self._journal.broken)}; what is whole is kept, a copy is {self._journal.copy}"
+            self.repaired = f"{journal_path(self.path)} was damaged: {broken}"
+        if not (self._journal.records or (resume and self._rows_on_disk())):
             self._refuse_foreign_rows()
             self._append(self._birth())
         elif not resume:
             text = f"{len(self._journal.records)} records of an earlier run; go on with --resume, or write elsewhere"
             raise InputError([Mistake(str(journal_path(self.path)), 0, text)])
         else:
-            self._refuse_other_plan()
-            for record in self._journal.records:
-                self._take(record)
+            self._revive()
         self._repair()
+
+    def _revive(self) -> None:
+        """Take every record of the journal that fits; a journal without its first record is given one."""
+        records, unfit = list(self._journal.records), list[str]()
+        if records and records[0].get("kind") == "plan":
+            self._refuse_other_plan()
+        else:
+            self._append(self._birth())
+        for place, record in enumerate(records, 1):
+            try:
+                if record["kind"] == "result" and (reason := row_objection(record["line"], self.cell, self.plan)):
+                    raise ValueError(reason)
+                self._take(record)
+            except (KeyError, TypeError, ValueError, IndexError) as error:
+                unfit.append(f"record {place} does not fit ({error})")
+        if unfit:
+            self._add_repair(f"{journal_path(self.path)}: {listed(unfit)}; left out")
+        if (self._journal.broken or unfit) and self.search is not None:
+            self.rejected("the journal was damaged: the evidence for this touch may be missing")
 
     def _rows_on_disk(self) -> bool:
         return self.path.exists() and len(self.path.read_bytes().split(b"\n")) > 2
@@ -121,9 +156,13 @@ class Session:
     def _refuse_foreign_rows(self) -> None:
         """Rows that no journal knows of belong to somebody else."""
         if self._rows_on_disk():
-            raise InputError(
-                [Mistake(str(self.path), 0, "it holds touches but has no journal; write elsewhere with -o")]
+            text = (
+                "it holds touches but has no journal; say --resume if they are of this plan, or write elsewhere with -o"
             )
+            raise InputError([Mistake(str(self.path), 0, text)])
+
+    def _add_repair(self, text: str) -> None:
+        self.repaired = "; ".join(filter(None, (self.repaired, text)))
 
     def _birth(self) -> Record:
         from importlib.metadata import version
@@ -158,45 +197,50 @@ class Session:
             self.intent = Intent(record["do"], record["id"], record["boot"], record["seq"], start, end, back, rate)
         elif kind == "latch":
             self.contact = Contact(self._in(record["q"]), self._in(record["stop"]), record["boot"], record["seq"])
+        elif kind == "seen":
+            at, closed = record["at"], bool(record["closed"])
+            self.evidence[at] = Observation(at, record["boot"], self._in(record["q"]), closed)
+        elif kind == "doubted":
+            self.doubted.add(record["id"])
+            self.results.pop(record["id"], None)
+            self._lines.pop(record["id"], None)
         elif kind == "boot":
             self.boot = record["boot"]
         elif kind == "result":
             result = result_of(record, self.cell.robot)
             self.results[result.id] = result
-            self._lines.append(record["line"])
+            self._lines[result.id] = record["line"]
         if kind in ("result", "rejected") or (kind == "intent" and record["do"] != "retract"):
-            self.search = self.intent if kind == "intent" and record["do"] == "search" else None
-            self.contact = None
+            do = record["do"] if kind == "intent" else ""
+            self.search, self.contact = (self.intent if do == "search" else None), None
+            begun = do in ("search", "fast")
+            self.evidence = {k: v for k, v in self.evidence.items() if begun and k == APPROACH}
 
     def _repair(self) -> None:
-        """Make touches.csv what the journal says it is."""
-        wanted = "".join(line + "\n" for line in [self._header, *self._lines])
+        """Make touches.csv what the journal says it is, and adopt whole rows that only touches.csv knows."""
         found = self.path.read_bytes() if self.path.exists() else b""
-        if found == wanted.encode():
+        if found == self._table().encode():
             return
-        if not wanted.encode().startswith(found):
-            kept = self.path.with_name(self.path.name + ".bak")
-            kept.write_bytes(found)
-            adopted = self._adopt(found.decode("utf-8", "replace"))
-            wanted += "".join(line + "\n" for line in adopted)
-            self.repaired = f"{self.path} was not what its journal says: written anew, the old one is {kept.name}"
+        if not self._table().encode().startswith(found):
+            copy, header = keep_copy(self.path), self._header
+            text = found.decode("utf-8", "replace") + "\n" * (not found.endswith(b"\n"))
+            adopted, broken = sound_rows(text, header, self.cell, self.plan, {*self.results, *self.doubted})
+            for line in adopted:
+                self._append({"kind": "result", "id": line.split(",")[0], "line": line, "source": self.path.name})
+            named = f": {listed(broken)}" if broken else ""
+            self._add_repair(
+                f"{self.path} was not what its journal says{named}: written anew, the old one is {copy.name}"
+            )
         elif found:
-            self.repaired = f"{self.path} was cut short: completed from its journal"
-        write_text(self.path, wanted)
-        sync_folder(self.path)
+            self._add_repair(f"{self.path} was cut short: completed from its journal")
+        self._write_table()
 
-    def _adopt(self, text: str) -> list[str]:
-        """Whole rows of this plan that only touches.csv knows: no touch is lost, whichever file suffered."""
-        if not text.startswith(self._header + "\n"):
-            return []
-        adopted = []
-        for line in text.split("\n")[1:-1]:
-            name = line.split(",")[0]
-            fits = len(next(csv.reader([line]), [])) == len(touch_columns(self.cell.robot))
-            if fits and name not in self.results and name.partition(AGAIN)[0] in self.plan.ids:
-                self._append({"kind": "result", "id": name, "line": line, "source": self.path.name})
-                adopted.append(line)
-        return adopted
+    def _table(self) -> str:
+        return "".join(line + "\n" for line in [self._header, *self._lines.values()])
+
+    def _write_table(self) -> None:
+        write_text(self.path, self._table())
+        sync_folder(self.path)
 
     def _line(self, result: Result) -> str:
         none = np.full((1, 3), np.nan)
@@ -220,7 +264,8 @@ class Session:
 
 def _is_nothing(record: Record) -> bool:
     """Whether a record tells of nothing that happened: a run that ended before the robot went anywhere."""
-    return record["kind"] in ("plan", "boot") or (record["kind"] == "intent" and record["start"] == record["end"])
+    kind = record.get("kind")
+    return kind in ("plan", "boot") or (kind == "intent" and record["start"] == record["end"])
 
 
 def journal_path(touches: Path) -> Path:
@@ -230,10 +275,13 @@ def journal_path(touches: Path) -> Path:
 
 def rebuilt(journal: Path) -> str:
     """The text of touches.csv as its journal has it."""
-    records, _ = read_records(journal)
+    records = read_records(journal).records
     if not records:
         raise InputError([Mistake(str(journal), 0, "it holds no whole record; was it a journal of touchcal?")])
-    out = io.StringIO()
-    out.write(records[0]["columns"] + "\n")
-    out.writelines(record["line"] + "\n" for record in records if record["kind"] == "result")
-    return out.getvalue()
+    lines = dict[str, str]()
+    for record in records:
+        if record["kind"] == "result":
+            lines[record["id"]] = record["line"]
+        elif record["kind"] == "doubted":
+            lines.pop(record["id"], None)
+    return "".join(line + "\n" for line in [records[0]["columns"], *lines.values()])

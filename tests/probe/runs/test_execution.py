@@ -1,5 +1,6 @@
 """The run of a plan against a robot without a line: what is checked, made, repeated, refused, and picked up again."""
 
+import errno
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,12 +17,13 @@ from probe.line.controller import Contact, LinkLost, NoContact, Rebooted, Refuse
 from probe.motion.joint_path import Geometry
 from probe.motion.settings import Settings
 from probe.runs import events
-from probe.runs.acceptance import objection
+from probe.runs.acceptance import objection, unconfirmed
 from probe.runs.delay import estimate_delay, without_delay
 from probe.runs.execution import retreat, run
+from probe.runs.journal import Journal, unwritable
 from probe.runs.prediction import Predictor
 from probe.runs.preflight import validate
-from probe.runs.records import Intent
+from probe.runs.records import APPROACH, CONTACT, RETRACTED, Intent, Observation
 from probe.runs.rehearsal import rehearse
 from probe.runs.session import Session, journal_path
 
@@ -308,11 +310,94 @@ def test_latches_outside_the_search_are_refused(cell: Cell, plan: Plan) -> None:
 
     def at(fraction: float) -> str:
         q = target.approach + fraction * (target.end - target.approach)
-        return objection(Contact(q, q, "B", 1), intent, geometry)
+        return objection(Contact(q, q, "B", 1), intent, evidence(intent, q), geometry)
 
     assert at(0.4) == ""
     assert "expected between 0 and 1" in at(-0.01)
     assert "expected between 0 and 1" in at(1.01)
+
+
+def evidence(search: Intent, contact: np.ndarray) -> dict[str, Observation]:
+    """What is seen of a touch that counts, until the robot rests on it."""
+    seen = [Observation(APPROACH, "B", search.start, False), Observation(CONTACT, "B", contact, True)]
+    return {each.place: each for each in seen}
+
+
+@pytest.mark.parametrize(
+    ("place", "change", "reason"),
+    [
+        (APPROACH, {"closed": True}, "closed before the search"),
+        (APPROACH, {"boot": "C"}, "nothing shows that the robot stood at the approach"),
+        (APPROACH, {"q": np.ones(6)}, "did not stand at the approach"),
+        (CONTACT, {"closed": False}, "did not last"),
+        (CONTACT, {"boot": "C"}, "did not last"),
+        (CONTACT, {"q": np.ones(6)}, "did not stay"),
+        (RETRACTED, {"closed": True}, "still closed after the retract"),
+        (RETRACTED, {"boot": "C"}, "still closed after the retract"),
+    ],
+)
+def test_a_touch_counts_only_with_all_of_its_evidence(
+    cell: Cell, plan: Plan, place: str, change: dict[str, object], reason: str
+) -> None:
+    geometry = Geometry(cell, USUAL)
+    assert cell.jig is not None
+    target = geometry.target(plan, 0, cell.jig)
+    search = Intent(
+        "search", "t001", "B", 1, target.approach, target.end, target.approach, geometry.search_rate(target, 10.0)
+    )
+    q = target.contact
+    whole = evidence(search, q) | {RETRACTED: Observation(RETRACTED, "B", target.approach, False)}
+
+    def judge(seen: dict[str, Observation]) -> str:
+        return objection(Contact(q, q, "B", 1), search, seen, geometry) or unconfirmed(seen, search)
+
+    assert judge(whole) == ""
+    assert reason in judge(whole | {place: replace(whole[place], **change)})
+    assert judge({key: value for key, value in whole.items() if key != place}) != ""
+
+
+def test_a_touch_that_all_others_speak_against_is_made_again(cell: Cell, tmp_path: Path) -> None:
+    bench = Bench(cell, clear_plan(cell, 30, seed=2), tmp_path)
+    original, wrong = bench.robot.search, list[float]()
+
+    def bent(q: np.ndarray, rate: float) -> Contact | NoContact:
+        start, found = bench.world.q, original(q, rate)
+        if wrong:
+            return found
+        wrong.append(1.0)  # the very first touch, which no prediction speaks against yet
+        late = found.q + 0.12 * (q - start)
+        bench.world.q = late + 1e-6 * (q - start)
+        return Contact(late, bench.world.q.copy(), bench.world.boot, bench.robot.last)
+
+    bench.robot.search = bent  # type: ignore[method-assign]
+
+    assert bench.run(replace(USUAL, disagreement=1.0)).hits == 30
+    assert any("from what the other touches predict" in reason for reason in bench.reasons())
+    assert sorted(bench.status()) == sorted(bench.plan.ids)
+    made = dict(zip(bench.hits().ids, bench.hits().q, strict=True))
+    first = min(np.abs(made["t001"] - truth).max() for truth in bench.world.truth[1:])
+    assert first < 0.01 * SERVO * 50
+
+
+def test_a_full_disk_stops_the_run_and_loses_nothing_that_was_measured(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    original, written = Journal.append, list[str]()
+
+    def full(self: Journal, record: dict[str, object]) -> None:
+        written.append(str(record["kind"]))
+        if len(written) == 23:
+            raise unwritable(self.path, OSError(errno.ENOSPC, "No space left on device"))
+        original(self, record)
+
+    monkeypatch.setattr(Journal, "append", full)
+    with pytest.raises(TouchError, match="make room on the disk"):
+        bench.run()
+    kept, moved = dict(bench.status()), len(bench.world.motions)
+
+    assert bench.run().hits == 8
+    assert kept.items() <= bench.status().items()
+    assert bench.only_back_after(moved)
 
 
 def test_a_contact_that_does_not_last_is_no_touch(bench: Bench) -> None:
@@ -333,15 +418,15 @@ def test_the_sensing_signal_is_waited_for_and_a_stuck_one_stops_the_run(bench: B
     assert any(isinstance(event, events.Waiting) for event in bench.told)
 
 
-def test_an_input_that_stays_closed_stops_the_run_and_the_touch_is_not_lost(bench: Bench) -> None:
+def test_an_input_that_stays_closed_gives_no_touch_neither_now_nor_after_a_resume(bench: Bench) -> None:
+    """The defect: the latch of a stuck input, in the journal, became a hit 25 mm off the face when the run went on."""
+
     def weld(kind: str, end: np.ndarray) -> object:
+        start = bench.world.q
+        bench.world.go(end, 0.1)
         bench.world.stuck = True
-        bench.robot.fail = []
-        bench.robot.last -= 1
-        bench.world.stuck = False
-        found = bench.robot.search(end, 0.05)
-        bench.world.stuck = True
-        return found
+        late = 0.001 * (end - start)
+        return Contact(bench.world.q - late, bench.world.q.copy(), bench.world.boot, bench.robot.last)
 
     bench.robot.fail = [None, weld]
     with pytest.raises(TouchError, match="still closed 2 s after"):
@@ -351,9 +436,9 @@ def test_an_input_that_stays_closed_stops_the_run_and_the_touch_is_not_lost(benc
     bench.world.stuck = False
 
     assert bench.run().hits == 8
-    assert bench.hits().note[0] == "picked up after an interruption"
-    np.testing.assert_array_equal(bench.hits().q[0].round(9), bench.hits().q[0].round(9))
-    assert len(bench.world.truth) == 8  # it was not made again
+    assert len(bench.world.truth) == 8  # the first one was made again
+    worst = [min(np.abs(q - truth).max() for truth in bench.world.truth) for q in bench.hits().q]
+    assert max(worst) < np.radians(0.02)
 
 
 def test_an_approach_that_touches_itself_is_left_a_little_further_back(bench: Bench) -> None:
@@ -646,7 +731,7 @@ def test_a_rehearsal_that_touches_something_goes_back_and_says_so(bench: Bench) 
     with pytest.raises(TouchError, match="on the way to touch 't002'"):
         rehearse(bench.plan, bench.robot, bench.cell, USUAL, clock=bench.clock)
 
-    np.testing.assert_array_equal(bench.world.motions[2][1], bench.world.motions[1][0])
+    np.testing.assert_allclose(bench.world.motions[2][1], bench.world.motions[1][0], atol=1e-12)  # rounding only
 
 
 def test_two_speeds_tell_the_delay_of_the_relay_and_it_can_be_taken_out(cell: Cell, tmp_path: Path) -> None:

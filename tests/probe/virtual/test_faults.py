@@ -179,7 +179,7 @@ def test_an_input_that_is_stuck_stops_the_run_and_once_free_no_touch_is_missing(
             bench.served.robot.health.stuck = False
 
         assert bench.run().hits == len(plan)
-        assert len(bench.served.robot.touches) == len(plan)
+        assert len(bench.served.robot.touches) == len(plan) + 1  # nobody saw the fourth one open: it is made again
         bench.check_touches()
 
 
