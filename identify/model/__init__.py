@@ -19,7 +19,8 @@ In the order in which data walks through:
     zone             the weld zone: the poses where accuracy counts
     cell             robot, jig, base, tool, wire, priors, controller
     kinematics       the tip in CasADi symbols, equations (1) to (5), and the functions compiled from them
-    measurement      the residual of a touch and its derivative, for all touches at once
+    equations        the equations of measurements in CasADi symbols, for all rows at once
+    measurement      kinds of measurements: touch, position, pose, distance, contact, and their rows
     identifiability  which parameters touches can tell apart: structural elimination, rank, weak directions
     ik_step          one damped step of inverse kinematics as a compiled function
     ik               inverse kinematics of any robot, calibrated or not, for all targets at once

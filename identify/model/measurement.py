@@ -1,92 +1,97 @@
-"""The one equation of a touch, and its derivative, compiled once and evaluated at all touches together."""
+"""Kinds of measurements: from the tables of what was measured to rows, which are scalar equations.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+A new kind is a table in `touch`, a function that makes its rows, and a row in MEASUREMENTS. An equation that no other
+kind has is a residual in CasADi symbols and a row in `equations.EQUATIONS`.
+"""
 
-import casadi as ca
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
 from identify.model.cell import Wire
-from identify.model.compiled.batch import Mapped, compiled
-from identify.model.errors import CONDITIONAL, conditions
-from identify.model.kinematics import AXIS, ONE, POINT, ZERO, jig_T_tip, symbols
-from identify.model.robot import Robot
-from identify.model.touch import Positions, Touches
+from identify.model.equations import LEVER, MeasurementModel, Rows, measurement_model
+from identify.model.frames import rotation
+from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
 
+__all__ = ["MEASUREMENTS", "Kind", "Measured", "MeasurementModel", "Rows", "measurement_model", "rows", "spacing_rows",
+           "tip_rows", "touch_conditions"]  # fmt: skip
 STILL = 1e-4  # [rad] or [mm] that a joint may move on the way to a touch without a direction
 
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Scalar equations n . tip(q, theta) = offset + h: one a touch, three a measured position."""
-
-    q: Float[np.ndarray, "rows joints"]  # [rad] or [mm]
-    normal: Float[np.ndarray, "rows 3"]
-    offset: Float[np.ndarray, " rows"]  # [mm], a ball's radius included
-    radius: Float[np.ndarray, " rows"]  # [mm], of a flat wire end; 0 for points, balls and positions
-    sigma: Float[np.ndarray, " rows"]  # [mm]
-    ids: tuple[str, ...]  # of the touches and positions
-    owner: Int[np.ndarray, " rows"]  # index into `ids`
-    conditions: Float[np.ndarray, "rows conditions"] | None = None  # for error models; None: nothing was recorded
-    face: tuple[str, ...] = ()  # name of the face of each row, empty if it has none; (): no row has one
-    block: Int[np.ndarray, " rows"] | int = 0  # number of the table that a row comes from
-
-    def __len__(self) -> int:
-        return len(self.offset)
-
-    def on(self, name: str) -> Bool[np.ndarray, " rows"]:
-        """The rows of touches on a face."""
-        return self._faces == name if self.face else np.zeros(len(self), dtype=bool)
-
-    @cached_property
-    def _faces(self) -> np.ndarray:
-        return np.array(self.face, dtype=np.str_)
-
-    def take(self, index: Int[np.ndarray, " some"] | Bool[np.ndarray, " rows"]) -> "Rows":
-        """Some of the rows; ids and owners keep their meaning."""
-        return Rows(
-            self.q[index], self.normal[index], self.offset[index], self.radius[index], self.sigma[index],
-            self.ids, self.owner[index], None if self.conditions is None else self.conditions[index],
-            tuple(self._faces[index].tolist()) if self.face else (),
-            self.block if isinstance(self.block, int) else self.block[index],
-        )  # fmt: skip
-
-    def distances(self, residual: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " measured"]:
-        """One distance a touch or position that has rows here: the root of the sum of its squared residuals [mm]."""
-        _, place = np.unique(self.owner, return_inverse=True)
-        return np.sqrt(np.bincount(place, residual**2))
+Measured = Touches | Positions | Poses | Distances | Contacts
+Places = Mapping[str, Float[np.ndarray, " 3"]]  # coordinates [mm] of named points
 
 
-def rows(wire: Wire, measured: Sequence[Touches | Positions], reference: float = 20.0) -> Rows:
-    """The equations of touches and positions, in their order; `reference` [degC] is the temperature of the robot."""
-    parts = [_touch_rows(wire, t) if isinstance(t, Touches) else _position_rows(t) for t in measured]
+def rows(wire: Wire, measured: Sequence[Measured], reference: float = 20.0, places: Places | None = None) -> Rows:
+    """The equations of measurements, in their order.
+
+    `reference` [degC] is the temperature of the robot; `places` [mm] are the points that distances and contacts name.
+    """
+    parts = [_of(table).rows(wire, table, places or {}) for table in measured]
     first = np.cumsum([0, *(len(table) for table in measured)])
-    return Rows(
-        q=np.concatenate([part.q for part in parts]),
-        normal=np.concatenate([part.normal for part in parts]),
-        offset=np.concatenate([part.offset for part in parts]),
-        radius=np.concatenate([part.radius for part in parts]),
-        sigma=np.concatenate([part.sigma for part in parts]),
+    whole = _concatenated(parts)
+    return replace(
+        whole,
         ids=tuple(name for table in measured for name in table.ids),
         owner=np.concatenate([part.owner + start for part, start in zip(parts, first[:-1], strict=True)]),
-        conditions=np.concatenate([_conditions(table, reference) for table in measured]),
-        face=tuple(name for table in measured for name in _faces(table)),
+        conditions=np.concatenate([_conditions(*pair, reference) for pair in zip(measured, parts, strict=True)]),
         block=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
+        face=tuple(name for part in parts for name in part.face or ("",) * len(part)),
+        placement=_spread(measured, parts, "placement"),
+        tool=_spread(measured, parts, "tool"),
     )
 
 
-def _faces(measured: Touches | Positions) -> tuple[str, ...]:
-    """The name of the face of every row; empty for positions."""
-    return measured.face if isinstance(measured, Touches) else ("",) * (3 * len(measured))
+def _concatenated(parts: Sequence[Rows]) -> Rows:
+    """The rows of all parts, ids and owners those of each."""
+    q, normal, offset, radius, sigma, owner = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("q", "normal", "offset", "radius", "sigma", "owner")
+    )
+    return Rows(
+        q, normal, offset, radius, sigma, parts[0].ids, owner, equation=_joined(parts, "equation", "plane"),
+        point=_joined(parts, "point", ""), places=_stacked(parts, "places", 6), turn=_stacked(parts, "turn", 9),
+    )  # fmt: skip
 
 
-def _conditions(measured: Touches | Positions, reference: float) -> Float[np.ndarray, "rows conditions"]:
+def _of(table: Measured) -> "Kind":
+    return next(kind for kind in MEASUREMENTS.values() if isinstance(table, kind.table))
+
+
+def _joined(parts: Sequence[Rows], column: str, usual: str) -> tuple[str, ...]:
+    """A column of names of all parts; () if all are the usual one."""
+    names = tuple(name for part in parts for name in getattr(part, column) or (usual,) * len(part))
+    return names if any(name != usual for name in names) else ()
+
+
+def _stacked(parts: Sequence[Rows], column: str, width: int) -> np.ndarray | None:
+    """A column of numbers of all parts; None if no part has it."""
+    if all(getattr(part, column) is None for part in parts):
+        return None
+    blank = (np.zeros((len(part), width)) for part in parts)
+    columns = (getattr(part, column) for part in parts)
+    return np.concatenate([b if c is None else c for b, c in zip(blank, columns, strict=True)])
+
+
+def _spread(measured: Sequence[Measured], parts: Sequence[Rows], column: str) -> tuple[str, ...]:
+    """The names that stand with measurements, one a row; () if there are none."""
+    if not any(getattr(table, column) for table in measured):
+        return ()
+    names = tuple(
+        (getattr(table, column) or ("",) * len(table))[i]
+        for table, part in zip(measured, parts, strict=True)
+        for i in part.owner
+    )
+    return names if any(names) else ()
+
+
+def _conditions(table: Measured, part: Rows, reference: float) -> Float[np.ndarray, "rows conditions"]:
     """Direction of every joint into a touch, and temperature above the reference; 0 where nothing was recorded."""
-    if isinstance(measured, Positions):
-        return np.zeros((3 * len(measured), measured.q.shape[1] + 1))
-    return touch_conditions(measured.q, measured.approach, np.nan_to_num(measured.temperature - reference))
+    if not isinstance(table, Touches):
+        return np.zeros((len(part), part.q.shape[1] + 1))
+    return touch_conditions(table.q, table.approach, np.nan_to_num(table.temperature - reference))
 
 
 def touch_conditions(
@@ -100,88 +105,90 @@ def touch_conditions(
     return np.column_stack([direction, np.broadcast_to(warmth, len(q))])
 
 
-def _touch_rows(wire: Wire, touches: Touches) -> Rows:
+def _touch_rows(wire: Wire, touches: Touches, places: Places) -> Rows:
+    """Equation n . tip - c - h = 0 of the plane that each touch met."""
     m = len(touches)
     offset, radius = touches.offset + wire.ball, np.full(m, wire.flat)
-    return Rows(touches.q, touches.normal, offset, radius, touches.sigma, touches.ids, np.arange(m))
+    return Rows(touches.q, touches.normal, offset, radius, touches.sigma, touches.ids, np.arange(m), face=touches.face)
 
 
-def _position_rows(positions: Positions) -> Rows:
-    m = len(positions)
+def _axes(q: np.ndarray, offset: np.ndarray, sigma: np.ndarray, ids: tuple[str, ...]) -> Rows:
+    """Three rows a measurement, along x, y and z."""
+    m = len(ids)
     return Rows(
-        np.repeat(positions.q, 3, axis=0), np.tile(np.eye(3), (m, 1)), positions.point.ravel(), np.zeros(3 * m),
-        np.repeat(positions.sigma, 3), positions.ids, np.repeat(np.arange(m), 3),
+        np.repeat(q, 3, axis=0), np.tile(np.eye(3), (m, 1)), offset.ravel(), np.zeros(3 * m), np.repeat(sigma, 3), ids,
+        np.repeat(np.arange(m), 3),
     )  # fmt: skip
 
 
-class MeasurementModel:
-    """Residuals r = n . tip(q, theta) - c - h and their Jacobian by theta.
-
-    h = radius sqrt(1 - (n . a)^2) is the extent along the normal of a flat wire end whose axis is a; a ball's extent
-    is its radius, a point's 0.
-    """
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot = robot
-        self._q, self._theta = symbols(robot)
-        self._normal, self._offset = ca.SX.sym("normal", 3), ca.SX.sym("offset")
-        self._radius = ca.SX.sym("radius")
-        self._made = conditions(robot) if set(robot.errors) & CONDITIONAL else None
-
-    @property
-    def conditional(self) -> bool:
-        """Whether touches depend on how they were made."""
-        return self._made is not None
-
-    def _tip(self, M: ca.SX, w: ca.SX) -> ca.SX:
-        return jig_T_tip(self.robot, self._q, self._theta, M, w, self._made)
-
-    def _residual(self, flat: bool) -> ca.SX:
-        r = ca.dot(self._normal, self._tip(POINT, ONE)) - self._offset
-        if flat:
-            lean = ca.dot(self._normal, self._tip(AXIS, ZERO))
-            r -= self._radius * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))  # its slope is infinite where the wire is upright
-        return r
-
-    def _compiled(self, flat: bool) -> Mapped:
-        r = self._residual(flat)
-        inputs = {"q": self._q, "theta": self._theta, "normal": self._normal, "offset": self._offset}
-        inputs |= {} if self._made is None else {"conditions": self._made}
-        return compiled(
-            "residual",
-            inputs | ({"radius": self._radius} if flat else {}),
-            {"r": r, "J": ca.gradient(r, self._theta)},
-        )
-
-    @cached_property
-    def _pointed(self) -> Mapped:
-        return self._compiled(flat=False)
-
-    @cached_property
-    def _flat(self) -> Mapped:
-        """With the extent of the wire's end: twice the operations."""
-        return self._compiled(flat=True)
-
-    def residual(self, theta: Float[np.ndarray, " parameters"], rows: Rows) -> Float[np.ndarray, " rows"]:
-        """Distances of the tip from the planes [mm]."""
-        return self.linearize(theta, rows)[0]
-
-    def linearize(
-        self, theta: Float[np.ndarray, "*robots parameters"], rows: Rows
-    ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows parameters"]]:
-        """Residuals [mm] and their Jacobian by all parameters [mm/mm, mm/rad]; `theta` of one robot or of one a row."""
-        columns = [rows.q, theta, rows.normal, rows.offset[:, None]]
-        if self._made is not None:
-            unknown = np.zeros((len(rows), len(self.robot.joints) + 1))
-            columns.append(unknown if rows.conditions is None else rows.conditions)
-        r, J = self._flat(*columns, rows.radius[:, None]) if rows.radius.any() else self._pointed(*columns)
-        return r, J
+def _position_rows(wire: Wire, positions: Positions | Poses, places: Places) -> Rows:
+    """Equations tip - p = 0."""
+    return _axes(positions.q, positions.point, positions.sigma, positions.ids)
 
 
-@lru_cache(maxsize=32)
-def measurement_model(robot: Robot) -> MeasurementModel:
-    """The measurement model of a robot, compiled once for all who ask."""
-    return MeasurementModel(robot)
+def _pose_rows(wire: Wire, poses: Poses, places: Places) -> Rows:
+    """Equations tip - p = 0 and, at a lever, the turn from the measured to the modelled rotation = 0."""
+    m = len(poses)
+    turns = _axes(poses.q, np.zeros((m, 3)), poses.turn_sigma * LEVER, poses.ids)
+    measured = rotation(*poses.angles.T).reshape(m, 9)
+    turns = replace(turns, equation=("turn",) * (3 * m), turn=np.repeat(measured, 3, axis=0))
+    points = _position_rows(wire, poses, places)
+    order = np.argsort(np.concatenate([points.owner, turns.owner]), kind="stable")
+    return _concatenated([points, turns]).take(order)
+
+
+def _distance_rows(wire: Wire, distances: Distances, places: Places) -> Rows:
+    """|tip - anchor| - d = 0."""
+    m, zeros = len(distances), np.zeros(len(distances))
+    return Rows(
+        distances.q, np.zeros((m, 3)), distances.distance, zeros, distances.sigma, distances.ids, np.arange(m),
+        equation=("distance",) * m, point=distances.anchor, places=_coordinates(distances.anchor, places),
+    )  # fmt: skip
+
+
+def _contact_rows(wire: Wire, contacts: Contacts, places: Places) -> Rows:
+    """Equations tip - point = 0."""
+    plain = _axes(contacts.q, np.zeros((len(contacts), 3)), contacts.sigma, contacts.ids)
+    names = tuple(contacts.point[i] for i in plain.owner)
+    return replace(plain, equation=("contact",) * len(plain), point=names, places=_coordinates(names, places))
+
+
+def _coordinates(names: Sequence[str], places: Places) -> Float[np.ndarray, "rows 6"]:
+    """Coordinates of named points; 0 for those that are to be fitted."""
+    zero = np.zeros(3)
+    return np.array([[*places.get(name, zero), 0.0, 0.0, 0.0] for name in names]).reshape(len(names), 6)
+
+
+def spacing_rows(pairs: Sequence[tuple[str, str, float, float]], places: Places, joints: int) -> Rows:
+    """|a - b| - d = 0 of pairs of named points, with d and its sigma [mm]; no robot takes part."""
+    m = len(pairs)
+    ends = np.hstack([_coordinates([str(pair[k]) for pair in pairs], places)[:, :3] for k in (0, 1)])
+    return Rows(
+        np.zeros((m, joints)), np.zeros((m, 3)), np.array([pair[2] for pair in pairs]), np.zeros(m),
+        np.array([pair[3] for pair in pairs]), tuple(f"spacing {a} {b}" for a, b, _, _ in pairs), np.arange(m),
+        np.zeros((m, joints + 1)), equation=("spacing",) * m, point=tuple(pair[0] for pair in pairs),
+        second=tuple(pair[1] for pair in pairs), places=ends,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of measurement: its table, its rows, the columns of its file beside id and joints, and what it needs."""
+
+    table: type
+    rows: Callable[[Wire, Any, Places], Rows]
+    columns: tuple[str, ...]
+    needs: str  # of the cell
+
+
+MEASUREMENTS: dict[str, Kind] = {
+    "touch": Kind(Touches, _touch_rows, ("face",), "a jig, or a plane with each touch"),
+    "position": Kind(Positions, _position_rows, ("x_mm", "y_mm", "z_mm"), "a tracker in the jig frame"),
+    "pose": Kind(Poses, _pose_rows, ("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg"), "a tracker of six axes"),
+    "distance": Kind(Distances, _distance_rows, ("anchor", "distance_mm"), "points: with the anchors"),
+    "contact": Kind(Contacts, _contact_rows, ("point",), "points: with the sockets"),
+}
+"""Kinds of measurements by their names."""
 
 
 def tip_rows(q: Float[np.ndarray, "poses joints"], sigma: float = 1.0) -> Rows:

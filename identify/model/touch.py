@@ -1,4 +1,4 @@
-"""What was measured: touches on faces, and positions of the tip; columns of equal length."""
+"""What was measured: touches on faces, positions and poses of the tip, distances, contacts; columns of equal length."""
 
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
@@ -45,6 +45,8 @@ class Touches(Table):
     time: tuple[str, ...]
     note: tuple[str, ...]
     approach: Float[np.ndarray, "touches joints"] | None = None  # [rad] or [mm] where the search began; NaN: not known
+    placement: tuple[str, ...] | None = None  # names of further stands of the jig; None or empty: its first
+    tool: tuple[str, ...] | None = None  # names of further wires; None or empty: the tool of the cell
 
 
 def joined(a: Touches, b: Touches) -> Touches:
@@ -59,12 +61,53 @@ def joined(a: Touches, b: Touches) -> Touches:
 
 @dataclass(frozen=True, eq=False)
 class Positions(Table):
-    """Tip positions measured in the jig frame, by a tracker for instance."""
+    """Tip positions measured in the jig frame, or in that of a further placement, by a tracker for instance."""
 
     ids: tuple[str, ...]
     q: Float[np.ndarray, "positions joints"]  # [rad] or [mm]
     point: Float[np.ndarray, "positions 3"]  # [mm]
     sigma: Float[np.ndarray, " positions"]  # [mm]
+    placement: tuple[str, ...] | None = None  # names of further stands; None or empty: the jig's own
+    tool: tuple[str, ...] | None = None  # names of further targets; None or empty: the tool of the cell
+
+
+@dataclass(frozen=True, eq=False)
+class Poses(Table):
+    """Tip poses measured in the jig frame, or in that of a further placement."""
+
+    ids: tuple[str, ...]
+    q: Float[np.ndarray, "poses joints"]  # [rad] or [mm]
+    point: Float[np.ndarray, "poses 3"]  # [mm]
+    angles: Float[np.ndarray, "poses 3"]  # [rad], rz, ry, rx with R = Rz Ry Rx
+    sigma: Float[np.ndarray, " poses"]  # [mm]
+    turn_sigma: Float[np.ndarray, " poses"]  # [rad] about each axis
+    placement: tuple[str, ...] | None = None
+    tool: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Distances(Table):
+    """Distances of the tip from named points, by a ball bar or a draw wire for instance."""
+
+    ids: tuple[str, ...]
+    q: Float[np.ndarray, "distances joints"]  # [rad] or [mm]
+    anchor: tuple[str, ...]  # names of points of the cell
+    distance: Float[np.ndarray, " distances"]  # [mm]
+    sigma: Float[np.ndarray, " distances"]  # [mm]
+    placement: tuple[str, ...] | None = None
+    tool: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts(Table):
+    """The tip in named points: a ball in a socket, a tip at a tip."""
+
+    ids: tuple[str, ...]
+    q: Float[np.ndarray, "contacts joints"]  # [rad] or [mm]
+    point: tuple[str, ...]  # names of points of the cell
+    sigma: Float[np.ndarray, " contacts"]  # [mm]
+    placement: tuple[str, ...] | None = None
+    tool: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,13 +79,13 @@ def test_robots_are_where_casadi_puts_them_to_the_last_digit(robot, errors, rng)
     for one in (kinematics.tip, kinematics.tip_jacobian, kinematics.pose_jacobian, kinematics.flange):
         check(one.function, q, theta)
     check(
-        model._flat.function,
+        model._compiled("flat").function,
         q,
         theta,
         *rng.normal(size=(1, m, 3)),
         rng.normal(size=(m, 1)),
-        *conditions,
         np.ones((m, 1)),
+        *conditions,
     )
     for rows in (POSE, AXIS):
         wanted = rng.normal(size=(m, 9))
