@@ -11,15 +11,14 @@ from identify.estimation.problem import CalibrationFailed, Estimate, Problem, wi
 from identify.estimation.selection import select, with_errors
 from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration, Residual, Term, fingerprints, summarize
-from identify.model.measurement import Rows, rows
-from identify.model.touch import Positions, Touches
+from identify.model.measurement import Measured, Rows, rows
 
 __all__ = ["CalibrationFailed", "calibrate"]
 
 
 def calibrate(
     cell: Cell,
-    *measured: Touches | Positions,
+    *measured: Measured,
     loss: str = "huber",
     priors: bool = True,
     eliminate: bool = True,

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.estimation.problem import Estimate, Problem
 from identify.model.io.calibration_file import Finding
+from identify.model.measurement import Measured
 from identify.model.touch import Positions, Touches
 
 SURE = 1e-5  # chance that touches without fault are accused of one
@@ -66,7 +67,7 @@ class Residuals:
 _Change = tuple[float, np.ndarray, Finding]  # how much it explains, by which columns, and in words
 
 
-def diagnose(problem: Problem, estimate: Estimate, measured: Sequence[Touches | Positions]) -> tuple[Finding, ...]:
+def diagnose(problem: Problem, estimate: Estimate, measured: Sequence[Measured]) -> tuple[Finding, ...]:
     """What is wrong with touches or robot, as far as residuals tell."""
     case = _Case(problem, estimate, measured)
     residuals, changes = _changes(case)
@@ -76,7 +77,7 @@ def diagnose(problem: Problem, estimate: Estimate, measured: Sequence[Touches | 
 class _Case:
     """Residuals of a calibration, and what the suspicions are made of."""
 
-    def __init__(self, problem: Problem, estimate: Estimate, measured: Sequence[Touches | Positions]) -> None:
+    def __init__(self, problem: Problem, estimate: Estimate, measured: Sequence[Measured]) -> None:
         self.problem, self.estimate, self.measured = problem, estimate, measured
         self.theta = problem.theta(estimate.x)
         self.rows, self.robot = problem.rows, problem.cell.robot

@@ -6,8 +6,7 @@ import numpy as np
 
 from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration, Errors, fingerprints, summarize
-from identify.model.measurement import Rows, measurement_model, rows
-from identify.model.touch import Positions, Touches
+from identify.model.measurement import Measured, Rows, measurement_model, rows
 
 
 @dataclass(frozen=True)
@@ -19,7 +18,7 @@ class Verification:
     promised_p95_mm: float  # 95th percentile of what parameters, touches and jig scatter together
 
 
-def verify(calibration: Calibration, *measured: Touches | Positions) -> Verification:
+def verify(calibration: Calibration, *measured: Measured) -> Verification:
     """Errors of the nominal and of the identified robot; raises InputError where a measurement was used in the fit."""
     found = rows(calibration.cell.wire, measured, calibration.cell.robot.temperature)
     if not len(found):

@@ -74,6 +74,24 @@ class Controller:
 
 
 @dataclass(frozen=True, eq=False)
+class Point:
+    """A place that measurements name: a socket, the anchor of a ball bar."""
+
+    position: Float[np.ndarray, " 3"] | None  # [mm], in the jig frame; None: to be fitted
+    sigma: float = 0.0  # [mm], 1 sigma of each coordinate; 0: exact
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """The distance of two named points, from a certificate or a calliper."""
+
+    start: str = field(metadata={"key": "from"})
+    end: str = field(metadata={"key": "to"})
+    distance: float = field(metadata={"key": "mm"})  # [mm]
+    sigma: float = 0.02  # [mm]
+
+
+@dataclass(frozen=True, eq=False)
 class Cell:
     """Everything that is known before the first touch."""
 
@@ -89,6 +107,13 @@ class Cell:
     fixed: frozenset[str] = frozenset()
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # [mm] or [rad], by parameter name
     sources: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of the files that describe the cell
+    placements: Mapping[str, Float[np.ndarray, " 6"] | None] = field(default_factory=dict)
+    """Further stands of jig or tracker [mm, rad], stand -> base as `base` is; None: to be fitted."""
+    tools: Mapping[str, Float[np.ndarray, " 6"] | None] = field(default_factory=dict)
+    """Further wires or targets [mm, rad], flange -> tip as `tool` is; None: to be fitted."""
+    points: Mapping[str, Point] = field(default_factory=dict)
+    spacings: tuple[Spacing, ...] = ()
+    serial: str = ""  # number of the robot
 
     @cached_property
     def theta(self) -> Float[np.ndarray, " parameters"]:
@@ -140,6 +165,11 @@ class Cell:
         if self.jig is None:
             raise InputError("the cell has no jig; name one in cell.yaml (jig: library:step-block)")
         return self.jig
+
+    @property
+    def places(self) -> dict[str, Float[np.ndarray, " 3"]]:
+        """Coordinates of the named points [mm]; 0 of those that are to be fitted."""
+        return {name: np.zeros(3) if p.position is None else p.position for name, p in self.points.items()}
 
     def unknown_face(self, name: str) -> str:
         """The sentence for a face that the jig does not have."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from html import escape
 
 from identify.model.io.calibration_file import Calibration
-from identify.model.touch import Positions, Touches
+from identify.model.measurement import Measured
+from identify.model.touch import Touches
 from identify.report.page import facts, table
 
 
@@ -19,7 +20,7 @@ class Issue:
     version: str = ""  # of touchcal
 
 
-def head(c: Calibration, issue: Issue, measured: Sequence[Touches | Positions]) -> str:
+def head(c: Calibration, issue: Issue, measured: Sequence[Measured]) -> str:
     """Title and facts: robot, serial number, date, operator, jig, wire, measurements."""
     robot, jig, wire = c.cell.robot, c.cell.jig, c.cell.wire
     entries = [
@@ -32,7 +33,7 @@ def head(c: Calibration, issue: Issue, measured: Sequence[Touches | Positions]) 
     return f"<h1>Calibration of {escape(robot.name)}</h1>{facts(entries)}"
 
 
-def _period(measured: Sequence[Touches | Positions]) -> str:
+def _period(measured: Sequence[Measured]) -> str:
     """The first and the last day of the touches, as far as their times were recorded."""
     days = sorted(time[:10] for table_ in measured if isinstance(table_, Touches) for time in table_.time if time)
     if not days:

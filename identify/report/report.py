@@ -8,7 +8,8 @@ import numpy as np
 from identify.compensation.ladder import ladder
 from identify.estimation.verification import Verification
 from identify.model.io.calibration_file import Calibration, Errors, summarize
-from identify.model.touch import Positions, Touches
+from identify.model.measurement import Measured
+from identify.model.touch import Touches
 from identify.report import charts
 from identify.report.beyond import chosen, findings
 from identify.report.certificate import Issue, foot, head
@@ -21,7 +22,7 @@ from identify.uncertainty.zone_map import ZoneMap, zone_map
 
 def report(
     c: Calibration,
-    measured: Sequence[Touches | Positions] = (),
+    measured: Sequence[Measured] = (),
     verified: Verification | None = None,
     *,
     issue: Issue | None = None,
@@ -110,7 +111,7 @@ def _accuracy(c: Calibration, verified: Verification | None) -> str:
     return table(["", "n", "mean, mm", "RMS, mm", "95 %, mm", "max, mm", ""], text, (6,))
 
 
-def _scene(c: Calibration, measured: Sequence[Touches | Positions]) -> dict[str, object]:
+def _scene(c: Calibration, measured: Sequence[Measured]) -> dict[str, object]:
     ids = tuple(name for t in measured for name in t.ids)
     faces = tuple(face for t in measured for face in (t.face if isinstance(t, Touches) else ("",) * len(t)))
     q = np.concatenate([t.q for t in measured]) if measured else np.empty((0, len(c.cell.robot.joints)))

@@ -17,7 +17,8 @@ from identify.model.files import InputError, digest
 if TYPE_CHECKING:
     from identify.model.cell import Cell
     from identify.model.io.calibration_file import Calibration, Errors
-    from identify.model.touch import Positions, Touches
+    from identify.model.measurement import Measured
+    from identify.model.touch import Touches
     from oed.campaigns.connection import Connection
 
 CellFile = Annotated[Path, Parameter(name="--cell", help="The file that describes robot, jig, tool and zone.")]
@@ -54,18 +55,18 @@ class Port:
 CELL_PORT = Port()
 
 
-def read_measured(
-    paths: Sequence[Path], cell: "Cell", trust_units: bool
-) -> tuple[list["Touches | Positions"], dict[str, str]]:
-    """Touches and positions of several files, and the hashes of the files; raises InputError with all mistakes."""
-    from identify.model.io.tables import is_positions, read_positions, read_touches
+def read_measured(paths: Sequence[Path], cell: "Cell", trust_units: bool) -> tuple[list["Measured"], dict[str, str]]:
+    """The measurements of several files, a table a kind and file, and the hashes of the files.
 
-    tables = list["Touches | Positions"]()
+    Raises InputError with all mistakes.
+    """
+    from identify.model.io.measurements import read_measurements
+
+    tables = list["tuple[Measured, ...]"]()
     mistakes: list[Any] = []
     for path in paths:
         try:
-            reader = read_positions if path.is_file() and is_positions(path) else read_touches
-            tables.append(reader(path, cell, trust_units=trust_units))
+            tables.append(read_measurements(path, cell, trust_units=trust_units))
         except InputError as error:
             mistakes += error.mistakes
     if mistakes:
@@ -73,22 +74,25 @@ def read_measured(
     return _distinct(paths, tables), {path.name: digest(path) for path in paths}
 
 
-def only_touches(table: "Touches | Positions") -> "Touches":
-    """The touches; raises InputError where positions were measured instead."""
-    from identify.model.touch import Positions
+def only_touches(table: "Measured") -> "Touches":
+    """The touches; raises InputError if something else was measured."""
+    from identify.model.touch import Touches
 
-    if isinstance(table, Positions):
+    if not isinstance(table, Touches):
         raise InputError("positions in the jig frame are no touches; give a touches.csv with faces")
     return table
 
 
-def _distinct(paths: Sequence[Path], tables: list["Touches | Positions"]) -> list["Touches | Positions"]:
+def _distinct(paths: Sequence[Path], tables: list["tuple[Measured, ...]"]) -> list["Measured"]:
     """Ids that stand in several files are told apart by the name of their file."""
-    ids = [name for table in tables for name in table.ids]
+    ids = [name for of_file in tables for table in of_file for name in table.ids]
     if len(set(ids)) == len(ids):
-        return tables
-    pairs = zip(paths, tables, strict=True)
-    return [replace(table, ids=tuple(f"{path.stem}:{name}" for name in table.ids)) for path, table in pairs]
+        return [table for of_file in tables for table in of_file]
+    return [
+        replace(table, ids=tuple(f"{path.stem}:{name}" for name in table.ids))
+        for path, of_file in zip(paths, tables, strict=True)
+        for table in of_file
+    ]
 
 
 def load_cell(path: Path) -> "Cell":

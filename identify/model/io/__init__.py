@@ -9,6 +9,7 @@ In the order in which data walks through:
     checks            what single values cannot show: units mixed up, names taken twice
     entries           between millimetres and degrees in files and what they describe, both ways
     description       cell, robot and jig from their YAML files, or from the library
+    measurements      files that hold measurements of any kind
     tables            touches.csv, positions.csv and plan.csv
     poses             poses.csv: tip poses that are wanted
     calibration_file  an identified robot, and calibration.json

@@ -48,9 +48,22 @@ def cell_mistakes(document: Document, robot: Robot | None) -> list[Mistake]:
         if tilted and tilted.max_tilt_deg < 1.6:
             wrong.append(document.wrong(f"a tilt of {tilted.max_tilt_deg:g} degrees: {RADIANS}", key, "max_tilt_deg"))
     wrong += _zone(document, zone) if zone else []
+    wrong += _spacings(document)
     if robot is not None:
         wrong += counting_mistakes(document, [joint.name for joint in robot.joints])
     return wrong + _bounds(document) + (_parameters(document, robot) if robot else [])
+
+
+def _spacings(document: Document) -> list[Mistake]:
+    """Spacings between points that the cell does not have."""
+    points, spacings = document.get("points"), document.get("spacings")
+    names = list(points) if isinstance(points, dict) else []
+    return [
+        document.wrong(f"no point '{entry[key]}'{nearest(entry[key], names)}; name it in points:", "spacings", i, key)
+        for i, entry in enumerate(spacings if isinstance(spacings, list) else [])
+        for key in ("from", "to")
+        if isinstance(entry, dict) and isinstance(entry.get(key), str) and entry[key] not in names
+    ]
 
 
 def _placement(document: Document, key: str, pose: PoseEntry) -> list[Mistake]:

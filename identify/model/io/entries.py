@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.cell import DEG, Cell, Controller, Priors, TouchSettings, Wire, Zone
+from identify.model.cell import DEG, Cell, Controller, Point, Priors, Spacing, TouchSettings, Wire, Zone
 from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.io import schema
@@ -150,8 +150,24 @@ def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[
         zone=None if file.zone is None else described(Zone, file.zone), priors=priors_of(file.priors),
         controller=described(Controller, file.controller),
         fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
-        sources=sources,
+        sources=sources, serial=file.serial,
+        placements={name: pose_of(frame) for name, frame in file.placements.items()},
+        tools={name: pose_of(frame) for name, frame in file.tools.items()},
+        points={name: point_of(entry) for name, entry in file.points.items()},
+        spacings=tuple(Spacing(s.start, s.end, s.mm, s.sigma_mm) for s in file.spacings),
     )  # fmt: skip
+
+
+def point_of(entry: schema.PointEntry | Literal["fit"]) -> Point:
+    """A named point from its entry."""
+    return Point(None) if entry == "fit" else Point(np.array([entry.x_mm, entry.y_mm, entry.z_mm]), entry.sigma_mm)
+
+
+def point_entry(point: Point) -> dict[str, float] | str:
+    """The inverse of `point_of`."""
+    if point.position is None:
+        return "fit"
+    return dict(zip(("x_mm", "y_mm", "z_mm"), point.position.tolist(), strict=True)) | {"sigma_mm": point.sigma}
 
 
 def cell_entry(cell: Cell) -> dict[str, Any]:
@@ -168,6 +184,11 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
         "zone": None if cell.zone is None else entry_of(cell.zone, schema.ZoneEntry),
         "priors": priors_entry(cell.priors),
         "controller": entry_of(cell.controller, schema.ControllerEntry),
+        "placements": {name: pose_entry(frame) for name, frame in cell.placements.items()},
+        "tools": {name: pose_entry(frame) for name, frame in cell.tools.items()},
+        "points": {name: point_entry(point) for name, point in cell.points.items()},
+        "spacings": [{"from": s.start, "to": s.end, "mm": s.distance, "sigma_mm": s.sigma} for s in cell.spacings],
+        "serial": cell.serial,
         "fixed": sorted(cell.fixed),
         "bounds": {name: [lo / unit[name], hi / unit[name]] for name, (lo, hi) in cell.bounds.items()},
     }  # fmt: skip

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
-from identify.model.cell import DEG, Controller, Priors, TouchSettings, Wire, Zone
+from identify.model.cell import DEG, Controller, Priors, Spacing, TouchSettings, Wire, Zone
 from identify.model.io.units import outside, usual
 from identify.model.jig import Face
 from identify.model.joint import Joint
@@ -192,6 +192,30 @@ class JointsEntry(Strict):
     pulses_per_deg: Positives | None = None
 
 
+class PointEntry(Strict):
+    """A named point in the jig frame."""
+
+    x_mm: Number
+    y_mm: Number
+    z_mm: Number
+    sigma_mm: Annotated[Number, Field(ge=0)] = 0.0
+
+
+NamedPoint = Annotated[
+    Annotated[PointEntry, Tag("<point>")] | Annotated[Literal["fit"], Tag("<fit>")], _by_type("<fit>", "<point>")
+]
+
+
+class SpacingEntry(Strict):
+    """The distance of two named points."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True, populate_by_name=True)
+    start: str = Field(alias="from")
+    end: str = Field(alias="to")
+    mm: Positive
+    sigma_mm: Positive = usual(Spacing, "sigma_mm")
+
+
 class CellFile(Strict):
     """cell.yaml, the one file that a user writes."""
 
@@ -209,6 +233,11 @@ class CellFile(Strict):
     zone: ZoneEntry | None = None
     priors: PriorsEntry = PriorsEntry()
     controller: ControllerEntry = ControllerEntry()
+    placements: dict[str, Frame] = {}
+    tools: dict[str, Frame] = {}
+    points: dict[str, NamedPoint] = {}
+    spacings: list[SpacingEntry] = []
+    serial: str = ""
     fixed: list[str] = []
     bounds: dict[str, tuple[Number, Number]] = {}
 

@@ -3,7 +3,6 @@
 Joint columns hold what the controller counts (`joints:` of the cell), which is read and written as joints of the model.
 """
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.files import Sheet, read_sheet, read_text, sheet_text
+from identify.model.files import Sheet, read_sheet, sheet_text
 from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
 
@@ -39,22 +38,29 @@ def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touche
     Raises InputError with every mistake: unknown faces, numbers that are none, duplicate ids, radians, metres.
     """
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], touch_columns(cell.robot))
-    ids, status = sheet.ids(), sheet.text("status", HIT)
+    sheet.ids()
+    touches = touches_of(sheet, cell, trust_units)
+    sheet.stop()
+    return touches
+
+
+def touches_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Touches:
+    """The touches of a sheet that happened; mistakes are noted in the sheet."""
+    status = sheet.text("status", HIT)
     hit = np.array([s == HIT for s in status], dtype=bool)
     for row, value in enumerate(status):
         if value not in STATUSES:
             sheet.wrong(row, f"status is {value!r}, expected one of {', '.join(STATUSES)}")
-    sheet = _rows(sheet, hit)
-    q = _joints(sheet, cell.robot, trust_units)
+    sheet = rows_of(sheet, hit)
+    q = joints_of(sheet, cell.robot, trust_units)
     face, normal, offset = _planes(sheet, cell, trust_units)
-    sigma = _sigma(sheet, cell.touch.sigma)
+    sigma = sigma_of(sheet, cell.touch.sigma)
     temperature = _optional(sheet, "temperature_c")
     approach = np.column_stack([_optional(sheet, name) for name in joint_columns(cell.robot, APPROACH)])
-    sheet.stop()
-    kept = [i for i, use in zip(ids, hit, strict=True) if use]
+    ids = tuple(sheet.text("id"))
     return Touches(
-        ids=tuple(kept), face=tuple(face), q=q, normal=normal, offset=offset, sigma=sigma,
-        status=(HIT,) * len(kept), temperature=temperature, time=tuple(sheet.text("time")),
+        ids=ids, face=tuple(face), q=q, normal=normal, offset=offset, sigma=sigma,
+        status=(HIT,) * len(ids), temperature=temperature, time=tuple(sheet.text("time")),
         note=tuple(sheet.text("note")), approach=cell.robot.from_controller(approach),
     )  # fmt: skip
 
@@ -62,20 +68,21 @@ def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touche
 def read_positions(path: Path, cell: Cell, *, trust_units: bool = False) -> Positions:
     """Read positions.csv: tip positions measured in the jig frame; raises InputError with every mistake."""
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot), *POINT], ["sigma_mm"])
-    ids, q = sheet.ids(), _joints(sheet, cell.robot, trust_units)
-    point = _block(sheet, POINT)
-    sigma = _sigma(sheet, cell.touch.sigma)
+    sheet.ids()
+    positions = positions_of(sheet, cell, trust_units)
+    sheet.stop()
+    return positions
+
+
+def positions_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
+    """The positions of a sheet; mistakes are noted in the sheet."""
+    ids, q = tuple(sheet.text("id")), joints_of(sheet, cell.robot, trust_units)
+    point = block_of(sheet, POINT)
+    sigma = sigma_of(sheet, cell.touch.sigma)
     spread = np.ptp(point, axis=0).max() if len(ids) > 1 else np.inf
     if spread < 10.0 and not trust_units:
         sheet.at(0, f"all positions lie within {spread:.3g} mm: metres? write millimetres, or say --trust-units")
-    sheet.stop()
-    return Positions(tuple(ids), q, point, sigma)
-
-
-def is_positions(path: Path) -> bool:
-    """Whether a file holds measured positions rather than touches, by its header line."""
-    header = next(csv.reader([read_text(path).partition("\n")[0]], skipinitialspace=True), [])
-    return {name.strip() for name in header} >= set(POINT)
+    return Positions(ids, q, point, sigma)
 
 
 def read_plan(path: Path, cell: Cell) -> Plan:
@@ -93,8 +100,9 @@ def read_plan(path: Path, cell: Cell) -> Plan:
             sheet.wrong(row, cell.unknown_face(name))
     joints = robot.from_controller
     plan = Plan(
-        ids=tuple(sheet.ids()), face=tuple(face), point=_block(sheet, POINT), normal=_block(sheet, PLANE[:3]),
-        q=joints(_block(sheet, joint_columns(robot))), approach=joints(_block(sheet, joint_columns(robot, APPROACH))),
+        ids=tuple(sheet.ids()), face=tuple(face), point=block_of(sheet, POINT), normal=block_of(sheet, PLANE[:3]),
+        q=joints(block_of(sheet, joint_columns(robot))),
+        approach=joints(block_of(sheet, joint_columns(robot, APPROACH))),
         via=joints(_vias(sheet, vias)),
     )  # fmt: skip
     sheet.stop()
@@ -152,13 +160,15 @@ def positions_text(positions: Positions, robot: Robot) -> str:
     return sheet_text(columns)
 
 
-def _rows(sheet: Sheet, keep: np.ndarray) -> Sheet:
+def rows_of(sheet: Sheet, keep: np.ndarray) -> Sheet:
+    """The rows that are to be kept; mistakes go to the whole sheet."""
     columns = {name: [c for c, use in zip(cells, keep, strict=True) if use] for name, cells in sheet.columns.items()}
     lines = [line for line, use in zip(sheet.lines, keep, strict=True) if use]
     return Sheet(sheet.file, columns, lines, sheet.mistakes)
 
 
-def _block(sheet: Sheet, names: Sequence[str]) -> Float[np.ndarray, "rows columns"]:
+def block_of(sheet: Sheet, names: Sequence[str]) -> Float[np.ndarray, "rows columns"]:
+    """Columns of numbers side by side."""
     return np.column_stack([sheet.numbers(name) for name in names])
 
 
@@ -166,8 +176,9 @@ def _optional(sheet: Sheet, name: str) -> np.ndarray:
     return sheet.numbers(name, float("nan")) if name in sheet.columns else np.full(len(sheet.lines), np.nan)
 
 
-def _joints(sheet: Sheet, robot: Robot, trust_units: bool) -> Float[np.ndarray, "rows joints"]:
-    values = _block(sheet, joint_columns(robot))
+def joints_of(sheet: Sheet, robot: Robot, trust_units: bool) -> Float[np.ndarray, "rows joints"]:
+    """Joints of the model [rad] or [mm] from what the controller counts."""
+    values = block_of(sheet, joint_columns(robot))
     turning = values[:, ~np.array(robot.prismatic)]
     largest = np.nanmax(np.abs(turning), initial=0.0)
     if len(values) >= 3 and 0 < largest < 7 and not trust_units:
@@ -175,7 +186,8 @@ def _joints(sheet: Sheet, robot: Robot, trust_units: bool) -> Float[np.ndarray, 
     return robot.from_controller(values)
 
 
-def _sigma(sheet: Sheet, default: float) -> np.ndarray:
+def sigma_of(sheet: Sheet, default: float) -> np.ndarray:
+    """Standard deviations [mm], the default where a cell is empty."""
     sigma = sheet.numbers("sigma_mm", default) if "sigma_mm" in sheet.columns else np.full(len(sheet.lines), default)
     for row in np.flatnonzero(sigma <= 0).tolist():
         sheet.wrong(

@@ -15,7 +15,6 @@ from identify.model.cell import Cell
 from identify.model.files import InputError, write_text
 from identify.model.io.description import library, read_jig, read_robot
 from identify.model.io.tables import (
-    is_positions,
     plan_text,
     positions_text,
     read_plan,
@@ -300,15 +299,6 @@ def test_a_cell_without_a_jig_reads_planes_and_says_what_faces_need(write, arc_w
     assert len(read_touches(write(planes), cell)) == 1
 
 
-def test_positions_are_told_from_touches_by_their_header(write, tmp_path):
-    assert is_positions(write(POSITIONS))
-    assert is_positions(write(b"\xef\xbb\xbf" + POSITIONS.replace("x_mm", '"x_mm"').encode()))
-    assert not is_positions(write(TOUCHES))
-    assert not is_positions(write(""))
-    with pytest.raises(InputError, match="no such file"):
-        is_positions(tmp_path / "none.csv")
-
-
 ROBOTS = {name: read_robot(path) for name, path in library("robots").items()}
 JIG = read_jig(library("jigs")["step-block"])
 text = st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"]) | st.just(" "), max_size=12).map(str.strip)
@@ -382,7 +372,6 @@ def test_positions_that_are_written_are_read_again(write, cell, ids, data):
     path = write(positions_text(positions, cell.robot))
     again = read_positions(path, cell, trust_units=True)
 
-    assert is_positions(path)
     assert again.ids == positions.ids
     np.testing.assert_allclose(again.q, q, rtol=0, atol=1e-9)
     np.testing.assert_allclose(again.point, point, rtol=0, atol=5.1e-7)  # written to a nanometre

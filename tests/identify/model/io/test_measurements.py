@@ -1,0 +1,90 @@
+"""Files of any kind of measurement: each row is of the kind whose columns it fills, and mistakes have their line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.model.cell import Point
+from identify.model.files import InputError
+from identify.model.io.measurements import read_measurements
+from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
+
+JOINTS = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
+Q = "10,20,30,40,50,60"
+
+
+@pytest.fixture
+def cell(arc_welder):
+    points = {"pin": Point(np.array([100.0, 0.0, 50.0])), "hole": Point(None)}
+    return replace(arc_welder, points=points, placements={"second": None}, tools={"ball": np.zeros(6)})
+
+
+@pytest.fixture
+def read(cell, tmp_path):
+    def of(text):
+        path = tmp_path / "measured.csv"
+        path.write_text(text)
+        return read_measurements(path, cell)
+
+    return of
+
+
+def wrong(read, text):
+    with pytest.raises(InputError) as error:
+        read(text)
+    return [(mistake.line, mistake.text) for mistake in error.value.mistakes]
+
+
+def test_one_file_may_hold_every_kind(read):
+    header = f"id,face,x_mm,y_mm,z_mm,rz_deg,ry_deg,rx_deg,anchor,distance_mm,point,placement,tool,{JOINTS}\n"
+    tables = read(
+        header
+        + f"a,top-high,,,,,,,,,,,,{Q}\n"
+        + f"b,,1,2,300,,,,,,,second,,{Q}\n"
+        + f"c,,4,5,600,90,0,-90,,,,,ball,{Q}\n"
+        + f"d,,,,,,,,pin,400,,,,{Q}\n"
+        + f"e,,,,,,,,,,hole,second,,{Q}\n"
+        + f"f,,,,,,,,pin,399,,,,{Q}\n"
+    )
+
+    touch, position, pose, distance, contact = tables
+    assert [type(t) for t in tables] == [Touches, Positions, Poses, Distances, Contacts]
+    assert (touch.face, position.placement, pose.tool) == (("top-high",), ("second",), ("ball",))
+    np.testing.assert_allclose(pose.angles, [[np.pi / 2, 0, -np.pi / 2]])
+    assert (distance.ids, distance.anchor) == (("d", "f"), ("pin", "pin"))
+    np.testing.assert_allclose(distance.distance, [400, 399])
+    assert (contact.point, contact.placement) == (("hole",), ("second",))
+
+
+def test_rows_of_two_kinds_at_once_are_refused(read):
+    found = wrong(read, f"id,anchor,distance_mm,point,{JOINTS}\na,pin,400,hole,{Q}\n")
+
+    assert found == [(2, "the columns of a distance and of a contact are filled; keep one measurement a row")]
+
+
+def test_names_that_the_cell_does_not_have_are_refused_with_the_nearest(read):
+    found = wrong(read, f"id,point,placement,{JOINTS}\na,hole,secnd,{Q}\nb,holes,,{Q}\n")
+
+    assert found == [
+        (
+            2,
+            "placement 'secnd' is not in the cell; did you mean 'second'?; add it to placements: as fit, or with "
+            "its pose",
+        ),
+        (3, "point 'holes' is no point of the cell; did you mean 'hole'?; add it to points:"),
+    ]
+
+
+def test_a_kind_whose_columns_are_not_whole_is_refused(read):
+    found = wrong(read, f"id,anchor,{JOINTS}\na,pin,{Q}\n")
+
+    assert (1, "column 'distance_mm' of a distance is missing") in found
+
+
+@pytest.mark.parametrize(("distance", "words"), [("-3", "above 0"), ("nan", "expected a number"), ("", "expected")])
+def test_a_distance_that_is_none_is_refused(read, distance, words):
+    found = wrong(read, f"id,anchor,distance_mm,{JOINTS}\na,pin,{distance},{Q}\n")
+
+    assert found[0][0] == 2
+    assert words in found[0][1]
