@@ -4,8 +4,11 @@ Making a solver takes as long as two of its iterations. Objective, gradient and 
 has at the time, in CasADi's own memory.
 """
 
+import io
+import re
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from typing import Any
 
 import casadi as ca
@@ -127,3 +130,12 @@ class _Part(ca.Callback):
             if result is not None:  # it was not asked for
                 np.frombuffer(result)[:] = value
         return 0
+
+
+def ipopt_version() -> str:
+    """The version of Ipopt, which says it itself when it solves a problem."""
+    x, out = ca.SX.sym("x"), io.StringIO()
+    with redirect_stdout(out):
+        ca.nlpsol("version", "ipopt", {"x": x, "f": x * x}, {"ipopt.max_iter": 0})()
+    found = re.search(r"Ipopt version (\d+(\.\d+)*)", out.getvalue())
+    return found[1] if found else "unknown"

@@ -20,6 +20,7 @@ In the order in which data walks through:
     health      whether the robot has changed
     report      the page of a calibration
     study       questions answered with numbers
+    schema      JSON schemas of the files that a user writes
 """
 
 import errno
@@ -51,6 +52,7 @@ COMMANDS = {
     "health": "Whether the robot is still the one that was identified.",
     "report": "One HTML page of a calibration: verdict, maps, 3-D view, parameters.",
     "study": "Answer a question with numbers: strategies, peers, the paper, and more.",
+    "schema": "The JSON schema of cell.yaml, robot.yaml or jig.yaml, for editors.",
 }
 """What each command does, in one line; its module in this package is loaded only when it runs."""
 
@@ -69,6 +71,7 @@ def application() -> App:
     )
     for name in COMMANDS:
         app.command(f"oed.cli.{name}:{name}", name=name, help_flags=())
+    app.register_install_completion_command()
     return app
 
 
@@ -83,7 +86,9 @@ def explain(name: str) -> int:
 def _version() -> str:
     from importlib.metadata import version
 
-    return version("touchcal")
+    from identify.estimation.ipopt import ipopt_version
+
+    return f"touchcal {version('touchcal')} (CasADi {version('casadi')}, Ipopt {ipopt_version()})"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,5 +1,6 @@
 """`touchcal init`."""
 
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,6 +8,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
+from oed.cli.schema import schema_of
 
 if TYPE_CHECKING:
     from identify.model.jig import Jig
@@ -14,7 +16,9 @@ if TYPE_CHECKING:
 
 MESHES = "meshes"  # folder beside the URDF
 
+SCHEMA = "cell.schema.json"
 CELL = """\
+# yaml-language-server: $schema={schema}
 # The cell: the one file to write. Lengths are millimetres, angles degrees; touchcal check says what is wrong with it.
 
 robot: {robot}
@@ -62,7 +66,7 @@ def init(
 ) -> None:
     """Make a commented cell folder to start from.
 
-    Writes cell.yaml, and an empty pendant.csv for touchcal check. Example:
+    Writes cell.yaml, its schema for editors, and an empty pendant.csv for touchcal check. Example:
 
         touchcal init mycell --robot irb120 --jig cube
 
@@ -106,6 +110,7 @@ def init(
     if urdf is not None:
         write_text(directory / urdf.name, _with_meshes(urdf, described, directory))
     write_text(directory / "cell.yaml", cell_text(source, LIBRARY + jig, described, block))
+    write_text(directory / SCHEMA, dumps(schema_of("cell"), indent=1) + "\n")
     header = ["id", *joint_columns(described), *POINT, *EULER]
     write_text(directory / "pendant.csv", ",".join(header) + "\n")
     print(
@@ -153,6 +158,6 @@ def cell_text(source: str, jig_source: str, robot: "Robot", jig: "Jig") -> str:
         x, y, z = middle[0], middle[1] + 0.55 * reach, max(0.0, 0.5 * reach - robot.joints[0].d)
     names = [joint.name for joint in robot.joints]
     return CELL.format(
-        robot=source, jig=jig_source, joints=(names * 3)[:3], x=x, y=y, z=z, tool=tool,
+        schema=SCHEMA, robot=source, jig=jig_source, joints=(names * 3)[:3], x=x, y=y, z=z, tool=tool,
         lo=lo - 50 * np.array([1, 1, 0]), hi=hi + 50,
     )  # fmt: skip

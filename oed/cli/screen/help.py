@@ -12,17 +12,28 @@ from cyclopts import App, Argument
 
 WIDEST = 100  # characters of a line
 COLUMN = 28  # where the explanation of an option begins
+COMPLETION = "Complete commands and options in this shell from now on."
+EXIT_CODES = (
+    "Exit codes: 0 done; 1 the work failed, or its answer is no (target missed, robot changed, pendant disagrees); "
+    "2 bad input, nothing was changed; 130 stopped by Ctrl-C."
+)
 KINDS = {int: "INTEGER", float: "NUMBER", str: "TEXT", Path: "PATH"}
 
 
 def overview(commands: Mapping[str, str]) -> str:
     """What touchcal is for, and what each command does."""
-    rows = {**commands, "--help, -h": "Explain touchcal, or the command before it.", "--version": "Say the version."}
+    rows = {
+        **commands,
+        "--help, -h": "Explain touchcal, or the command before it.",
+        "--version": "Print the versions of touchcal, CasADi and Ipopt.",
+        "--install-completion": COMPLETION,
+    }
     return "\n".join((
         "Usage: touchcal COMMAND\n",
         "Calibrate a welding robot with its own wire, a machined jig and a serial line.\n",
         "Commands:",
         *(_row(name, line, 14) for name, line in rows.items()),
+        f"\n{_filled(EXIT_CODES)}",
         "\nStart with: touchcal demo -o demo. More of a command: touchcal plan --help.",
     ))  # fmt: skip
 
@@ -37,7 +48,7 @@ def page(app: App) -> str:
     blocks += [_paragraph(text) for text in re.split(r"\n\n+", prose.rstrip())]
     blocks += ["Arguments:\n" + "\n".join(_row(_place(a), _explanation(a)) for a in places)] if places else []
     blocks += ["Options:\n" + "\n".join(_row(_option(a), _explanation(a)) for a in options)] if options else []
-    return "\n\n".join(blocks)
+    return "\n\n".join([*blocks, _filled(EXIT_CODES)])
 
 
 def _width() -> int:

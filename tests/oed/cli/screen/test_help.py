@@ -12,7 +12,7 @@ from oed.cli import COMMANDS, application
 from oed.cli.screen.help import page
 
 HEAVY = ("casadi", "scipy", "pydantic", "ruamel", "jaxtyping", "rich", "identify.model.robot", "probe", "studies")
-PLACES = ("calibration", "directory", "name", "plan", "poses")  # arguments that have a place may be named, too
+PLACES = ("calibration", "directory", "kind", "name", "plan", "poses")  # arguments that have a place may be named, too
 
 
 @pytest.fixture(autouse=True)
@@ -142,5 +142,23 @@ def test_a_command_works_after_its_help_was_read(tmp_path):
     assert (tmp_path / "cell" / "cell.yaml").is_file()
 
 
-def test_the_version_is_that_of_the_installed_package(touchcal):
-    assert touchcal("--version")[:2] == (0, version("touchcal") + "\n")
+def test_the_version_is_that_of_the_installed_packages_and_of_ipopt(touchcal):
+    code, out, _ = touchcal("--version")
+
+    assert code == 0
+    assert re.fullmatch(rf"touchcal {version('touchcal')} \(CasADi {version('casadi')}, Ipopt \d+\.\d+\.\d+\)\n", out)
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_help_keeps_to_a_narrow_screen(columns, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+
+    for command in COMMANDS:
+        prose = [line for line in page(application()[command]).splitlines() if "touchcal " not in line]
+
+        assert max(map(len, prose)) <= columns, command
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_help_says_what_exit_codes_mean(command, said):
+    assert "Exit codes: 0 done; 1 the work failed" in said[0][command]
