@@ -56,6 +56,10 @@ COMMANDS = {
 }
 """What each command does, in one line; its module in this package is loaded only when it runs."""
 
+GOES_ON = "what was finished is in its folder, and the same command goes on"
+KEPT = dict.fromkeys(("demo", "campaign", "study"), GOES_ON)
+WHOLE = "a file is written whole or not at all: none is half-written"
+"""What Ctrl-C leaves behind."""
 BAD_INPUT, FAILED = 2, 1
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM}  # full, or not to be written
 
@@ -97,9 +101,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.showwarning = _warn
     # its threads cost more than matrices of 25 rows gain: a plan takes 36 s of processor time with two, 11 s with one
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    named = next((word for word in arguments if not word.startswith("-")), "")
     try:
         asked = not arguments or not {"--help", "-h"}.isdisjoint(takewhile(lambda word: word != "--", arguments))
-        named = next((word for word in arguments if not word.startswith("-")), "")
         if asked and named in ("", *COMMANDS):
             code = explain(named)
         else:
@@ -112,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
     except KeyboardInterrupt as stop:
-        _say(str(stop) or "stopped by the operator; what was finished is on disk")
+        _say(str(stop) or f"stopped; {KEPT.get(named, WHOLE)}")
         code = 130
     except Exception as error:
         if os.environ.get("TOUCHCAL_DEBUG"):

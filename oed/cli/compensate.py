@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from identify.model.files import sheet_text, write_text
 from oed.cli.options import Json, TrustUnits, numbers, print_json
+from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
     from identify.compensation.compensate import Compensation, Place
@@ -68,15 +69,16 @@ def compensate(
     wanted = read_poses(poses, trust_units=trust_units)
     start = None if near is None else robot.from_controller(numbers(near, len(robot.joints), "--near"))
     limit = None if max_change_deg is None else float(np.radians(max_change_deg))
-    result = corrected(
-        identified,
-        wanted.pose,
-        frame=_frame(frame),
-        fixed_to=fixed_to,
-        near=start,
-        free_roll=free_roll,
-        max_change=limit,
-    )
+    with progress(not json, "solving for joints"):
+        result = corrected(
+            identified,
+            wanted.pose,
+            frame=_frame(frame),
+            fixed_to=fixed_to,
+            near=start,
+            free_roll=free_roll,
+            max_change=limit,
+        )
     write_text(output, table(wanted, result, robot))
     if json:
         print_json(summary(wanted, result))

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from identify.model.files import InputError, read_bytes, write_bytes
 from oed.cli.options import Json, print_json
+from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
     from identify.programs.fixing import Fixed
@@ -57,7 +58,8 @@ def fix(
     names = _distinct(programs)
     _other_folder(output, programs)
     table = Setup() if setup is None else read_setup(setup, identified.cell.robot)
-    found = corrected(identified, {name: read_bytes(path) for name, path in names.items()}, table)
+    with progress(not json, "correcting"):
+        found = corrected(identified, {name: read_bytes(path) for name, path in names.items()}, table)
     _write(output, found)
     if json:
         print_json(summary(found))

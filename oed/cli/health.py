@@ -24,6 +24,7 @@ from oed.cli.options import (
     print_json,
     read_measured,
 )
+from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
     from identify.health.judge import Finding, Health
@@ -104,7 +105,8 @@ def _planned(identified: "Calibration", file: Path, n: int, output: Path, seed: 
 
     if again and output.exists():
         return read_plan(output, identified.cell)
-    made, order = plan_check(identified.cell, identified, looked_for(identified), n, np.random.default_rng(seed))
+    with progress(True, "choosing touches"):
+        made, order = plan_check(identified.cell, identified, looked_for(identified), n, np.random.default_rng(seed))
     write_text(output, plan_text(made, identified.cell.robot))
     told = {"touches": len(made), "minutes": order.minutes, "seed": seed}
     write_json(output.with_suffix(".json"), told, {file.name: digest(file)})

@@ -18,6 +18,7 @@ from oed.cli.options import (
     print_json,
     read_measured,
 )
+from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
     from identify.model.cell import Cell
@@ -72,10 +73,17 @@ def identify(
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
     described = _with_errors(load_cell(cell), errors)
     measured, inputs = read_measured(files, described, trust_units)
-    found = calibrate(
-        described, *measured, loss=loss, priors=priors, eliminate=parameters == "identifiable",
-        choose=errors == "auto", rng=np.random.default_rng(seed), inputs=inputs,
-    )  # fmt: skip
+    with progress(not json, "identifying"):
+        found = calibrate(
+            described,
+            *measured,
+            loss=loss,
+            priors=priors,
+            eliminate=parameters == "identifiable",
+            choose=errors == "auto",
+            rng=np.random.default_rng(seed),
+            inputs=inputs,
+        )
     write_calibration(output, found)
     if json:
         print_json(summary(found))

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from identify.model.touch import Touches
     from oed.campaigns.connection import Connection
 
+NAME, TABLE = 32, 78  # characters of a name in a table of errors, and of the whole table
+NONE = f"{'none could be spared':>26}"
 CellFile = Annotated[Path, Parameter(name="--cell", help="The file that describes robot, jig, tool and zone.")]
 Flag = Annotated[bool, Parameter(negative=())]
 Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print a machine-readable summary on stdout.")]
@@ -121,11 +124,12 @@ def print_json(summary: Mapping[str, Any]) -> None:
 
 
 def errors_table(rows: Mapping[str, "Errors | None"]) -> str:
-    """Errors as lines of a table, millimetres."""
-    lines = [f"{'':32}{'n':>6}{'mean':>9}{'RMS':>9}{'95 %':>9}{'max':>9}  mm"]
+    """Errors as lines of a table, millimetres; on a narrow screen a name has a line of its own."""
+    narrow = get_terminal_size().columns < TABLE
+    lines = [f"{'':{2 if narrow else NAME}}{'n':>6}{'mean':>9}{'RMS':>9}{'95 %':>9}{'max':>9}  mm"]
     for name, e in rows.items():
-        numbers = "" if e is None else f"{e.n:6d}{e.mean_mm:9.3f}{e.rms_mm:9.3f}{e.p95_mm:9.3f}{e.max_mm:9.3f}"
-        lines.append(f"{name:32}{numbers}" if e else f"{name:32}{'none could be spared':>26}")
+        numbers = f"{e.n:6d}{e.mean_mm:9.3f}{e.rms_mm:9.3f}{e.p95_mm:9.3f}{e.max_mm:9.3f}" if e else NONE
+        lines += [name, f"  {numbers}"] if narrow else [f"{name:{NAME}}{numbers}"]
     return "\n".join(lines)
 
 

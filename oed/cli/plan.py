@@ -126,7 +126,8 @@ def _plan_workpiece(
     pose = None if at is None else numbers(at, 6, "--at") * POSE_UNIT
     file = named_jig(workpiece)
     calibration = None if after is None else read_calibration(after)
-    result = plan_workpiece(cell, read_jig(file), n, np.random.default_rng(seed), at=pose, after=calibration)
+    with progress(not json, "choosing touches"):
+        result = plan_workpiece(cell, read_jig(file), n, np.random.default_rng(seed), at=pose, after=calibration)
     beside = output.with_name(f"{output.stem}-cell.yaml")
     write_text(output, plan_text(result.plan, cell.robot))
     write_text(beside, cell_text(cell_file, beside, workpiece, result.cell))

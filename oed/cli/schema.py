@@ -25,6 +25,9 @@ def schema(kind: Kind = "cell") -> None:
 
 def schema_of(kind: Kind) -> dict[str, Any]:
     """The schema of a file that a user writes, from the model that validates it."""
+    from pydantic import BaseModel
+
     from identify.model.io.schema import CellFile, JigFile, RobotFile
 
-    return {"cell": CellFile, "robot": RobotFile, "jig": JigFile}[kind].model_json_schema()
+    models: dict[Kind, type[BaseModel]] = {"cell": CellFile, "robot": RobotFile, "jig": JigFile}
+    return models[kind].model_json_schema()
