@@ -10,11 +10,15 @@ from identify.model.robot import Robot
 from probe.line.clock import Clock
 from probe.line.controller import Contact, Latch, LinkLost, NoContact, Refused, State
 from probe.line.framing import LONGEST
-from probe.line.link import Link, Timing
+from probe.line.link import Link
+from probe.line.messages import Status
+from probe.line.patience import Timing
 from probe.line.transcript import Transport
+from probe.line.watch import Watch
 
 SPOKEN = "TOUCH/1"
 FIELDS = re.compile(r"(\w+)=(\S+)")
+OLD = "warning: its touch program is of the first version, and a delayed line can deceive it; put the new one on it"
 GREETING_PATIENCE = 4.0  # [s]: a controller that is there answers at once, and a person waits for this
 
 
@@ -27,12 +31,16 @@ class Line:
         self.link = Link(transport, clock, timing)
         self._unit = robot.joint_unit()
         self._q: Float[np.ndarray, " joints"] | None = None  # where it stands, as far as known
+        self._closed = False  # the touch input, as it was last seen
 
     def connect(self) -> None:
         """Say hello; raises LinkLost where nobody speaks TOUCH/1, and Refused where the robot is another one."""
         self.link.greet(self.link.clock.at_least(GREETING_PATIENCE, 2.0))
         if self.link.joints != self.joints:
             raise Refused("ROBOT", f"it has {self.link.joints} joints, the robot of the cell {self.joints}")
+        self.link.learn_version()
+        if not self.link.bound:
+            self.name += f" ({OLD})"
         if self.state().moving:
             self.stop()
 
@@ -44,7 +52,7 @@ class Line:
     def state(self) -> State:
         """How things stand now."""
         status = self.link.patiently(self.link.status)
-        self._q = self._joints(status.joints)
+        self._q, self._closed = self._joints(status.joints), status.closed
         return State(status.boot, status.running, status.closed, self._q, status.sequence)
 
     def move(self, q: Float[np.ndarray, " joints"], rate: float) -> Float[np.ndarray, " joints"]:
@@ -85,15 +93,22 @@ class Line:
         self.link.transport.close()
 
     def _motion(self, verb: str, q: Float[np.ndarray, " joints"], rate: float) -> tuple[str, dict[str, str]]:
-        target = q / self._unit
         start = self._q if self._q is not None else self.state().q
-        seconds = np.abs(target - start / self._unit).max() / np.degrees(rate)
-        numbers = ",".join(f"{value:.6f}" for value in target)
-        body = f"{verb} {numbers} {np.degrees(rate):.5f}"
-        if len(body) > LONGEST - 12:
-            body = f"{verb} {','.join(f'{value:.5f}' for value in target)} {np.degrees(rate):.3f}"
-        self._q = None
-        answer = self.link.ask(body, max(seconds, 1e-3))
+        begin, end, degrees = start / self._unit, q / self._unit, float(np.degrees(rate))
+        from_contact = self._closed and verb == "MOVE"
+        watch = Watch(begin, end, degrees, self.link.clock, from_contact=from_contact)
+
+        def astray(status: Status) -> str:
+            return watch.objection(self._joints(status.joints) / self._unit, status.closed)
+
+        number = self.link.sequence  # known before the boot is: both sides may have to count anew
+        boot = f" boot={self.link.boot}" if self.link.bound else ""
+        body = f"{verb} {_text(end, 6)} {degrees:.5f}{boot}"
+        if len(f"{number} {body}") > LONGEST - 6:
+            body = f"{verb} {_text(end, 5)} {degrees:.3f}{boot}"
+        self._q, self._closed = None, False
+        answer = self.link.ask(body, max(float(np.abs(end - begin).max()) / degrees, 1e-3), astray)
+        self._closed = answer.kind == "CONTACT"
         return answer.kind, dict(FIELDS.findall(answer.text))
 
     def _joints(self, text: str) -> Float[np.ndarray, " joints"]:
@@ -107,6 +122,10 @@ class Line:
 
     def _nonsense(self, what: str) -> NoReturn:
         raise LinkLost(f"the {self.name} answered {what}; its touch program does not keep to {SPOKEN}")
+
+
+def _text(joints: Float[np.ndarray, " joints"], places: int) -> str:
+    return ",".join(f"{value:.{places}f}" for value in joints)
 
 
 def _number(text: str) -> int:

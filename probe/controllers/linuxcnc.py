@@ -17,7 +17,7 @@ from probe.controllers.linuxcnc_mdi import AXES, LAST, SEARCH, SLOWEST, TRIPPED,
 from probe.controllers.linuxcncrsh import Shell
 from probe.line.clock import Clock
 from probe.line.controller import Contact, Latch, LinkLost, NoContact, Rebooted, Refused, State
-from probe.line.link import following
+from probe.line.messages import following
 from probe.line.patience import T, patiently
 from probe.line.transcript import Transport
 

@@ -10,6 +10,7 @@ from probe.line.transcript import Transport
 ENDS = re.compile(rb"[\r\n]+")  # it ends lines with CR LF, with LF CR, and with both
 VOID = "(\r\n"  # ends a request that was cut short so that it cannot run: half a line of G-code may be a motion, too
 GREETED = 3.0  # [s] on the wall: a person waits for this
+LONGEST = 4096  # [bytes] of a line that has not ended: what came before is thrown away
 ANSWERED = 5.0  # [s] on the wall; it answers a `get` in 0.1 ms and a `set` in 0.1 to 0.2 s
 
 
@@ -108,6 +109,7 @@ class Shell:
                 raise LinkLost(f"{self._unexpected(other)} at {self.transport.url}; {cure}")
             data = self._rest + self.transport.read(0.1)
             *whole, self._rest = ENDS.split(data)
+            self._rest = self._rest[-LONGEST:]
             self._heard += [line.decode("latin-1") for line in whole if line]
 
     def _unexpected(self, line: str) -> str:

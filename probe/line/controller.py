@@ -20,6 +20,8 @@ CODES = {
     "BUSY": "another motion is still running",
     "NOLATCH": "no touch is latched",
     "ROBOT": "it is another robot",
+    "BOOT": "the command was meant for an earlier start of the controller",
+    "ASTRAY": "the robot did not move as it was told, and was stopped",
     "LOST": "the command never arrived, nothing moved",
 }
 

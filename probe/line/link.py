@@ -1,7 +1,6 @@
 """Stop-and-wait over a line that spoils, loses and repeats: one numbered command, one answer, a fed deadman."""
 
 import math
-import re
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -10,59 +9,9 @@ from dataclasses import dataclass
 from probe.line.clock import Clock
 from probe.line.controller import LinkLost, Rebooted, Refused
 from probe.line.framing import Lines, seal, unseal
-from probe.line.patience import T, patiently
+from probe.line.messages import ANSWER, GREETING, LAST_NUMBER, Answer, Status, following, read_status
+from probe.line.patience import T, Timing, patiently
 from probe.line.transcript import Transport
-
-LAST_NUMBER = 65535
-GREETING = re.compile(r"0 OK TOUCH/1 boot=(\S+) joints=(\d+) last=(\d+) nonce=(\S+)")
-STATUS = re.compile(r"! ST boot=(\S+) (RUN|IDLE) seq=(\d+) probe=([01]) q=(\S+)")
-ANSWER = re.compile(r"(\d+) (ACK|OK|CONTACT|NOCONTACT|ERR)(?: (.*))?")
-
-
-@dataclass(frozen=True)
-class Timing:
-    """How patient the host is [s of the controller]."""
-
-    heartbeat: float = 0.2  # between two `! HB`; the controller's deadman is 0.75 s
-    resend: float = 0.4  # without a sign of life before a line is sent again
-    silence: float = 3.0  # without a valid line before the port is opened anew
-    patience: float = 20.0  # before the controller is given up
-    slack: float = 10.0  # beyond the expected duration of a motion before it is stopped
-
-    @classmethod
-    def of(cls, clock: Clock) -> "Timing":
-        """The usual patience, but never shorter than an operating system under load needs on the wall."""
-        return cls(
-            heartbeat=clock.at_least(cls.heartbeat, 0.005),
-            resend=clock.at_least(cls.resend, 0.05),
-            silence=clock.at_least(cls.silence, 1.0),
-            patience=clock.at_least(cls.patience, 5.0),
-            slack=clock.at_least(cls.slack, 5.0),
-        )
-
-
-@dataclass(frozen=True)
-class Status:
-    """One `! ST` line."""
-
-    boot: str
-    running: bool
-    sequence: int
-    closed: bool
-    joints: str
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The last word of the controller on a command."""
-
-    kind: str  # OK, CONTACT or NOCONTACT
-    text: str
-
-
-def following(sequence: int) -> int:
-    """The number after this one."""
-    return sequence % LAST_NUMBER + 1
 
 
 @dataclass
@@ -75,13 +24,20 @@ class Pending:
     moves: bool
     heard: float
     beat: float
+    watch: Callable[[Status], str]  # what is wrong with a status of the robot while it moves
+    astray: str = ""  # what was wrong: the robot is being stopped
     sent: float = -math.inf
     acknowledged: bool = False
     again: bool = True  # the frame is due
 
 
 class Link:
-    """TOUCH/1 as the host speaks it: numbers, checksums, repeats, heartbeats, and a boot that must stay the same."""
+    """TOUCH/1 as the host speaks it: numbers, checksums, repeats, heartbeats, and a boot that must stay the same.
+
+    A status counts only if its boot is this one, it answers one of the newest heartbeats, none older than one heard
+    already, and its number is that of the last command: a line that comes late or twice is believed by nobody. A
+    controller of the first version says no `hb=`; it is driven all the same, `bound` is then False.
+    """
 
     def __init__(self, transport: Transport, clock: Clock, timing: Timing | None = None) -> None:
         self.transport = transport
@@ -89,6 +45,8 @@ class Link:
         self.timing = timing or Timing.of(clock)
         self.boot = ""
         self.joints = 0
+        self.bound = True  # whether status and commands carry what binds them
+        self._asked = self._answered = secrets.randbelow(LAST_NUMBER)  # heartbeats sent, and the newest one answered
         self._lines = Lines()
         self._last = 0  # number of the last command that the controller has begun
         self._in_step = False  # whether both sides count alike
@@ -99,9 +57,7 @@ class Link:
         if not self._in_step:
             self._settle()
         if following(self._last) == 1:  # the number that a controller started anew would take for the next one, too
-            with suppress(Refused):
-                self._ask(1, "LATCH")
-            self._last, self._in_step = 1, True
+            self._use_up()
             self.patiently(self.status)
         return following(self._last)
 
@@ -119,55 +75,128 @@ class Link:
             if self.clock.now() > deadline:
                 raise self._silent()
 
-    def ask(self, body: str, seconds: float = 0.0) -> Answer:
+    def learn_version(self) -> None:
+        """Learn whether the controller binds its status to what was asked; raises LinkLost."""
+        deadline, spoiled = self.clock.now() + self.timing.patience, 0
+        while self.clock.now() < deadline:
+            asked = self._beat()
+            for line in self._listen(self.timing.resend / 2):
+                status = read_status(line)
+                if status and status.beat and self._ordinal(status.beat) >= asked:
+                    self.bound = True
+                    return
+                if status and not status.beat and spoiled > 2:  # it refuses numbered ones
+                    self.bound = False
+                    return
+                spoiled += line == "? NAK"
+            if spoiled > 2:
+                self._send(b"! HB\n")
+        raise self._silent()
+
+    def ask(self, body: str, seconds: float = 0.0, watch: Callable[[Status], str] = lambda status: "") -> Answer:
         """Have a command executed, once; a motion that should last `seconds` is stopped when it lasts much longer.
 
-        Raises Refused with the controller's code, Rebooted, or LinkLost.
+        `watch` says what is wrong with a status while the robot moves: it is stopped then. Raises Refused with the
+        controller's code, or ASTRAY; Rebooted, or LinkLost.
         """
-        return self._ask(self.sequence, body, seconds)
+        return self._ask(self.sequence, body, seconds, watch)
 
-    def _ask(self, number: int, body: str, seconds: float = 0.0) -> Answer:
+    def _ask(
+        self, number: int, body: str, seconds: float = 0.0, watch: Callable[[Status], str] = lambda status: ""
+    ) -> Answer:
         self._in_step = False  # until the answer is here
-        now = self.clock.now()
-        frame = seal(f"{number} {body}")
-        answer = self._exchange(Pending(number, frame, now + seconds + self.timing.slack, seconds > 0, now, now))
+        now, moves = self.clock.now(), seconds > 0
+        until = now + (seconds + self.timing.slack if moves else 0.0)
+        pending = Pending(number, seal(f"{number} {body}"), until, moves, now, now, watch)
+        answer = self._exchange(pending)
+        if pending.astray:
+            raise Refused("ASTRAY", pending.astray)
         if answer.kind == "ERR":
             code, _, text = answer.text.partition(" ")
-            if code == "STOPPED" and self.clock.now() > now + seconds + self.timing.slack:
+            if code == "STOPPED" and self.clock.now() > until:
                 code, text = "NOTREACHED", f"stopped from here after {self.clock.now() - now:.0f} s"
-            if code == "OLDSEQ":
+            if code in ("OLDSEQ", "BOOT"):
                 self.status()  # a new boot explains it
             raise Refused(code, text)  # whether it was counted depends on the code: greet before the next command
         self._last, self._in_step = number, True
         return answer
 
-    def status(self, request: bytes = b"! HB\n") -> Status:
+    def status(self, word: str = "HB") -> Status:
         """How things stand now; raises Rebooted or LinkLost."""
         for _ in self._listen(0.0):
             pass  # an answer to an earlier heartbeat would be old
-        deadline = self.clock.now() + self.timing.silence
+        deadline, first = self.clock.now() + self.timing.silence, 0
         while self.clock.now() < deadline:
-            self._send(request)
+            first = first or self._asked + 1
+            self._beat(word)
             for line in self._listen(self.timing.resend / 2):
-                if found := STATUS.fullmatch(line):
-                    self._expect_boot(found[1])
-                    return Status(found[1], found[2] == "RUN", int(found[3]), found[4] == "1", found[5])
+                status = self._valid(line, first)
+                if status is not None and not (self._in_step and status.sequence != self._last):
+                    return status
         raise self._silent()
 
+    def _beat(self, word: str = "HB") -> int:
+        """Send a heartbeat or a stop with the next number; the count of such lines."""
+        self._asked += 1
+        self._send(f"! {word} {self._asked % LAST_NUMBER + 1}\n".encode() if self.bound else f"! {word}\n".encode())
+        return self._asked
+
+    def _ordinal(self, beat: int) -> int:
+        """Which of the lines sent carried a number: the newest that did."""
+        return self._asked - (self._asked % LAST_NUMBER + 1 - beat) % LAST_NUMBER
+
+    def _valid(self, line: str, first: int) -> Status | None:
+        """A status that answers a heartbeat not before the `first`, nor before one answered already."""
+        status = read_status(line)
+        if status is None:
+            return None
+        if self.bound:
+            answered = self._ordinal(status.beat) if status.beat else -1
+            if answered < max(first, self._answered):
+                return None
+            self._answered = answered
+        self._expect_boot(status.boot)
+        return status
+
     def halt(self) -> None:
-        """Stop whatever moves, and return when it stands still; raises LinkLost where nobody answers."""
+        """Stop whatever moves, and return when it stands still; raises LinkLost where nobody answers.
+
+        The next number is used up: a command that is still on its way will not be executed after this.
+        """
         self._in_step = False
-        self._settle(b"! STOP\n")
+        self._settle("STOP")
+        with suppress(LinkLost):
+            self._use_up()
+
+    def _use_up(self) -> None:
+        """Use up the next number by a question that moves nothing."""
+        number = following(self._last)
+        with suppress(Refused):
+            if "seq=" not in self._ask(number, "LATCH").text:
+                self._settle("STOP")  # an old command of that number was faster
+        self._last, self._in_step = number, True
 
     def patiently(self, call: Callable[[], T]) -> T:
         """Call, and where the line is silent or gone open it anew and call again; raises LinkLost in the end."""
         return patiently(call, self._reopen, self.clock, self.timing.patience)
 
-    def _settle(self, request: bytes = b"! HB\n") -> None:
-        """Wait until the robot stands still, then count as the controller counts."""
+    def _settle(self, word: str = "HB", pending: Pending | None = None) -> None:
+        """Wait until the robot stands still, then count as the controller counts.
+
+        A robot that is not expected to move any more is stopped; LinkLost where it does not obey.
+        """
+        until = self.clock.now() if pending is None else pending.until
+        deadline = max(until, self.clock.now()) + self.timing.patience
 
         def settle() -> None:
-            while self.status(request).running:
+            wanted = word
+            while (status := self.status(wanted)).running:
+                if pending is not None and (astray := pending.watch(status)):
+                    pending.astray = pending.astray or astray
+                if self.clock.now() > until or (pending is not None and pending.astray):
+                    wanted = "STOP"
+                if self.clock.now() > deadline:
+                    raise Refused("ASTRAY", "and it does not obey a stop: press the emergency stop")
                 self.clock.sleep(self.timing.heartbeat / 2)
             self.greet(self.timing.silence)
 
@@ -179,7 +208,6 @@ class Link:
             try:
                 self._tend(pending)
                 for line in self._listen(self.timing.heartbeat / 4):
-                    pending.heard = self.clock.now()
                     if answer := self._hear(line, pending):
                         return answer
                 if self.clock.now() - pending.heard > self.timing.silence:
@@ -192,11 +220,14 @@ class Link:
 
     def _hear(self, line: str, pending: Pending) -> Answer | None:
         if (found := ANSWER.fullmatch(line)) and int(found[1]) == pending.number:
-            pending.acknowledged = True
+            pending.acknowledged, pending.heard = True, self.clock.now()
             return None if found[2] == "ACK" else Answer(found[2], found[3] or "")
-        if found := STATUS.fullmatch(line):
-            self._expect_boot(found[1])
-            pending.again |= found[2] == "IDLE"  # done, and the answer was lost; or the command never arrived
+        if (status := self._valid(line, 0)) and status.sequence in (pending.number, self._last):
+            pending.heard = self.clock.now()
+            pending.again |= not status.running  # done, and the answer was lost; or the command never arrived
+            if pending.moves and status.running and not pending.astray:
+                pending.astray = pending.watch(status)
+                pending.beat = -math.inf if pending.astray else pending.beat  # a stop is due at once
         pending.again |= line == "? NAK"
         return None
 
@@ -208,14 +239,15 @@ class Link:
             self._send(pending.frame)
             pending.sent, pending.again = now, False
         if now - pending.beat > timing.heartbeat:
-            self._send(b"! STOP\n" if pending.moves and now > pending.until else b"! HB\n")
+            self._beat("STOP" if pending.moves and (now > pending.until or pending.astray) else "HB")
             pending.beat = now
 
     def _revive(self, pending: Pending) -> None:
         """Open the port anew under a command; raises Refused LOST where the controller never began it."""
         self._reopen()
-        self._settle()
+        self._settle(pending=pending)
         if following(self._last) == pending.number:
+            self._use_up()  # it may still be on its way
             raise Refused("LOST")
         if self._last != pending.number:
             raise LinkLost(

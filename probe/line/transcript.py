@@ -4,6 +4,8 @@ from typing import IO, Protocol
 
 from probe.line.clock import Clock
 
+LONGEST = 4096  # [bytes] without a line end before they are noted as they are
+
 
 class Transport(Protocol):
     """A stream of bytes that may break and may be opened again."""
@@ -66,6 +68,9 @@ class Recorder:
         *whole, self._rest[direction] = (self._rest[direction] + data).split(b"\n")
         for line in whole:
             self._line(direction, _printable(line + b"\n"))
+        if len(self._rest[direction]) > LONGEST:
+            self._line(direction, _printable(self._rest[direction]))
+            self._rest[direction] = b""
 
     def _flush(self) -> None:
         for direction, rest in self._rest.items():

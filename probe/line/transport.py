@@ -14,6 +14,7 @@ from probe.line.clock import Clock
 from probe.line.controller import LinkLost
 from probe.line.transcript import Recorder, Transport
 
+MOST = 4096  # [bytes] read at once: a port that never falls silent must not keep the reader
 POLL = 0.005  # [s] real: changing pyserial's timeout reconfigures the port, so it is set once and waited for in steps
 
 
@@ -46,7 +47,7 @@ class SerialTransport:
                     break
             else:
                 data = port.read(1) if port.in_waiting else b""
-            while data and (waiting := port.in_waiting):  # a socket tells only that something waits: one byte a turn
+            while 0 < len(data) < MOST and (waiting := port.in_waiting):  # a socket tells only that something waits
                 data += port.read(waiting)
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: pyserial, closed under a reader
             raise self._lost(error) from error

@@ -12,7 +12,7 @@ from probe.runs.events import Listener, Waiting
 from probe.runs.records import RETRACTED, Intent, Observation
 from probe.runs.session import Session
 
-HOPELESS = {"ESTOP", "UNHOMED", "STOPPED"}  # somebody at the robot decided so: no motion follows
+HOPELESS = {"ESTOP", "UNHOMED", "STOPPED", "ASTRAY"}  # somebody decided so, or the robot does not obey: no motion
 WAYS_BACK = 3  # attempts to go back along an approach
 POLL = 0.05  # [s] between two looks at the touch input
 

@@ -2,6 +2,8 @@
 
 Where the text leaves a choice, this controller does the plain thing, and a host must live with it:
 
+* A heartbeat or a stop without a number is answered with `hb=0`; a MOVE or SEARCH without `boot=` is executed. With
+  `first_version` the controller knows neither, as programs of the first version do.
 * A line that cannot be read at all (its CRC fails, it is no ASCII, it has no number) is answered `? NAK`; so is a line
   of more than 200 bytes, and a line beginning with `!` that is neither HB nor STOP. Empty lines are not answered.
 * Until the first HELLO after a start, every command is answered `n ERR OLDSEQ say HELLO first`.
@@ -26,6 +28,7 @@ from probe.virtual.robot import VirtualRobot
 LONGEST = 200  # bytes a line
 HIGHEST = 65535
 DEADMAN = 0.75  # [s]
+URGENT = re.compile(r"(HB|STOP)(?: (\d{1,9}))?")
 NUMBERED = re.compile(r"(\d{1,5}) (\S.*)")
 DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
 
@@ -38,8 +41,10 @@ def crc(text: str) -> str:
 class LineController:
     """A robot controller that speaks TOUCH/1; bytes go in and whole lines come out, at given times."""
 
-    def __init__(self, robot: VirtualRobot, rng: np.random.Generator, *, deadman: float = DEADMAN) -> None:
-        self.robot, self.rng, self.deadman = robot, rng, deadman
+    def __init__(
+        self, robot: VirtualRobot, rng: np.random.Generator, *, deadman: float = DEADMAN, first_version: bool = False
+    ) -> None:
+        self.robot, self.rng, self.deadman, self.first_version = robot, rng, deadman, first_version
         self.commands: list[tuple[str, int, str]] = []  # boot, number and text of what was executed, for the judge
         self.boot = ""
         self._start()
@@ -136,13 +141,15 @@ class LineController:
         return [self._line(f"{number} {answer}")]
 
     def _at_once(self, word: str) -> list[bytes]:
-        if word not in ("HB", "STOP"):
+        urgent = URGENT.fullmatch(word)
+        if urgent is None or (self.first_version and urgent[2]):
             return [self._line("? NAK")]
         self.heard = self.robot.time
-        if word == "STOP":
+        if urgent[1] == "STOP":
             self.robot.stop("STOPPED", "the host said STOP")
         state, probe = "RUN" if self.robot.moving else "IDLE", int(self.robot.contact)
-        where = f"seq={self.last} probe={probe} q={self._joints(self.robot.q)}"
+        beat = "" if self.first_version else f" hb={urgent[2] or 0}"
+        where = f"seq={self.last}{beat} probe={probe} q={self._joints(self.robot.q)}"
         return [self._line(f"! ST boot={self.boot} {state} {where}")]
 
     def _hello(self, body: list[str]) -> str:
@@ -183,6 +190,10 @@ class LineController:
 
     def _motion(self, body: list[str]) -> str:
         robot = self.robot.cell.robot
+        if len(body) == 4 and body[3].startswith("boot=") and not self.first_version:
+            if body[3] != f"boot={self.boot}":
+                return f"ERR BOOT this start is {self.boot}"
+            body = body[:3]
         values = [*body[1].split(","), body[2]] if len(body) == 3 else []
         if len(values) != len(robot.joints) + 1 or not all(DECIMAL.fullmatch(value) for value in values):
             return f"ERR SYNTAX expected {body[0]}, {len(robot.joints)} joints between commas, and a rate"

@@ -182,14 +182,16 @@ class LineServer:
 
     def _hear(self, raw: bytes) -> None:
         line = raw.decode("latin-1")
-        if line == "! HB" or line == "! STOP":
+        word, _, beat = line.removeprefix("! ").partition(" ")
+        if line.startswith("! ") and word in ("HB", "STOP") and (beat.isdecimal() or not beat):
             self.heard = self.clock.t
-            if line == "! STOP" and self.running:
+            if word == "STOP" and self.running:
                 self._interrupted(self.clock.t, "STOPPED")
             q = self._q()
             closed = self.world.stuck or self.world.touching(q) or self.clock.t < self.world.ended + self.world.hold
             state = "RUN" if self.running else "IDLE"
-            self._say(f"! ST boot={self.world.boot} {state} seq={self.last} probe={int(closed)} q={self._text(q)}")
+            where = f"hb={beat or 0} probe={int(closed)} q={self._text(q)}"
+            self._say(f"! ST boot={self.world.boot} {state} seq={self.last} {where}")
             return
         body = line.rpartition("*")[0]
         if crc(body) != line + "\n":
@@ -220,6 +222,8 @@ class LineServer:
             if self.latch is None:
                 return self._answer(seq, "ERR NOLATCH")
             return self._answer(seq, f"OK boot={world.boot} seq={self.latch[0]} q={self._text(self.latch[1])}")
+        if len(rest) == 3 and rest[2] != f"boot={world.boot}":
+            return self._answer(seq, "ERR BOOT")
         if self.estop or not self.homed:
             return self._answer(seq, "ERR ESTOP" if self.estop else "ERR UNHOMED")
         end = np.array([float(v) for v in rest[0].split(",")]) * world.cell.robot.joint_unit()

@@ -18,12 +18,12 @@ from probe.line.transcript import read_transcript
 TRANSCRIPT = r"""
 0.00 > 0 HELLO 00c0de*E9FB\n
 0.01 < 0 OK TOUCH/1 boot=A1B2 joints=6 last=41 nonce=00c0de*CE12\n
-0.01 > ! HB\n
-0.02 < ! ST boot=A1B2 IDLE seq=41 probe=0 q=1.0,2.0,3.0,4.0,5.0,6.0*D4E7\n
-0.02 > 42 SEARCH 1.000000,2.000000,3.000000,4.000000,5.000000,7.000000 2.00000*1F31\n
+0.01 > ! HB 8\n
+0.02 < ! ST boot=A1B2 IDLE seq=41 hb=8 probe=0 q=1.0,2.0,3.0,4.0,5.0,6.0*0000\n
+0.02 > ! HB 9\n
+0.03 < ! ST boot=A1B2 IDLE seq=41 hb=9 probe=0 q=1.0,2.0,3.0,4.0,5.0,6.0*0000\n
+0.03 > 42 SEARCH 1.000000,2.000000,3.000000,4.000000,5.000000,7.000000 2.00000 boot=A1B2*0000\n
 0.03 < 42 ACK*8F3A\n
-0.10 > ! HB\n
-0.11 < ! ST boot=A1B2 RUN seq=42 probe=0 q=1.0,2.0,3.0,4.0,5.0,6.4*4ED2\n
 0.20 < 42 CONTACT boot=A1B2 seq=42 q=1.0,2.0,3.0,4.0,5.0,6.5 stop=1.0,2.0,3.0,4.0,5.0,6.6*5F8C\n
 0.20 > 43 LATCH*DC0B\n
 0.21 < 43 OK boot=A1B2 seq=42 q=1.0,2.0,3.0,4.0,5.0,6.5*2B3A\n
@@ -49,7 +49,7 @@ class Replay:
         return crc(body).encode() if star else line
 
     def write(self, data: bytes) -> None:
-        if data != self.script[0][1] and data == b"! HB\n":
+        if data != self.script[0][1] and data.startswith(b"! HB "):
             return
         assert self.script.pop(0) == (">", data)
 
@@ -114,6 +114,7 @@ def bench(cell: Cell, plan: Plan) -> Bench:
 def test_the_line_says_and_understands_what_the_protocol_says(cell: Cell, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Ticks()
     monkeypatch.setattr("secrets.token_hex", lambda size: "00c0de")
+    monkeypatch.setattr("secrets.randbelow", lambda highest: 6)
     replay = Replay(TRANSCRIPT, clock)
     line = Line(replay, cell.robot, clock)
 
@@ -237,7 +238,7 @@ def test_a_command_lost_with_the_cable_is_said_to_be_lost_and_is_never_executed_
 
     assert refusal.value.code == "LOST"
     assert bench.world.motions == []
-    assert bench.server.executed == []
+    assert bench.motions() == ["LATCH"]  # its number is used up
 
 
 @pytest.mark.parametrize("lines", [1, 2, 4])
@@ -266,12 +267,12 @@ def test_a_restart_is_noticed_even_where_both_starts_count_from_one(cell: Cell, 
 
 @pytest.mark.parametrize("lines", [1, 3])
 def test_a_controller_that_hangs_and_comes_back_has_executed_everything_once(bench: Bench, lines: int) -> None:
-    bench.server.hang_after, bench.server.outage = bench.server.lines + lines, 6.0
+    bench.server.hang_after, bench.server.outage = bench.server.lines + lines, 3.0
 
     answer = said(bench.line.search, bench.end, bench.rate)
 
     assert answer in ("DEADMAN", "LOST")
-    assert bench.motions() in ([], ["SEARCH"])
+    assert bench.motions() in (["LATCH"], ["SEARCH"])
     bench.line.move(bench.start, bench.rate)
 
 
@@ -282,7 +283,7 @@ def test_a_controller_that_stays_silent_is_given_up_in_bounded_time(bench: Bench
     with pytest.raises(LinkLost, match="nothing answers"):
         bench.line.search(bench.end, bench.rate)
 
-    assert bench.clock.t - began < 40.0
+    assert bench.clock.t - began < 10.0
 
 
 def test_stopping_ends_a_motion_wherever_it_is_and_both_sides_still_count_alike(bench: Bench) -> None:
@@ -305,7 +306,7 @@ def test_stopping_ends_a_motion_wherever_it_is_and_both_sides_still_count_alike(
     (motion,) = bench.world.motions
     assert bench.world.duration(*motion, bench.rate) < 1.0
     bench.line.move(bench.start, bench.rate)
-    assert bench.motions() == ["SEARCH", "MOVE"]
+    assert bench.motions() == ["SEARCH", "LATCH", "MOVE"]  # the number after a stop is used up
 
 
 def test_a_robot_of_another_kind_is_refused_before_it_moves(cell: Cell, bench: Bench) -> None:
@@ -326,7 +327,7 @@ def test_whatever_happens_on_the_line_commands_executed_are_commands_issued(
     bench = Bench(cell, plan, spoil_in=spoil, spoil_out=spoil)
     bench.server.unplug_after = bench.server.lines + unplug if unplug else -1
     bench.server.hang_after = bench.server.lines + hang if hang else -1
-    bench.server.outage = float(rng.choice([0.1, 1.0, 8.0]))
+    bench.server.outage = float(rng.choice([0.1, 1.0, 3.0]))
     heard = []
 
     for i in range(8):
@@ -335,7 +336,7 @@ def test_whatever_happens_on_the_line_commands_executed_are_commands_issued(
 
     codes = [code for code in heard if isinstance(code, str)]
     assert set(codes) <= {"DEADMAN", "LOST", "ALREADY", "EARLY"}
-    assert [number for _, number, _ in bench.server.executed] == list(
-        range(BEFORE + 1, BEFORE + 9 - codes.count("LOST"))
-    )
+    executed = bench.server.executed
+    assert [number for _, number, _ in executed] == list(range(BEFORE + 1, BEFORE + 1 + len(executed)))
+    assert sum(verb != "LATCH" for _, _, verb in executed) == 8 - codes.count("LOST")
     assert all(bench.off(found, 4) <= 1 + 1e-3 for found in heard if isinstance(found, Contact))

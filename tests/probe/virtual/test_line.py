@@ -201,12 +201,20 @@ def test_after_a_restart_the_boot_is_new_and_nothing_moves_until_hello(desk):
 
 
 def test_heartbeat_tells_state_probe_and_joints_without_a_crc_of_the_host(desk):
-    idle = desk.bytes(b"! HB\n")
+    idle = desk.bytes(b"! HB 7\n")
     desk.say(f"1 MOVE {joints(desk.home + 0.05)} 5")
     running = desk.bytes(b"! HB*" + crc("! HB").encode() + b"\r\n")
 
-    assert idle[0].startswith(f"! ST boot={desk.controller.boot} IDLE seq=0 probe=0 q=")
-    assert running[0].startswith(f"! ST boot={desk.controller.boot} RUN seq=1 probe=0 q=")
+    assert idle[0].startswith(f"! ST boot={desk.controller.boot} IDLE seq=0 hb=7 probe=0 q=")
+    assert running[0].startswith(f"! ST boot={desk.controller.boot} RUN seq=1 hb=0 probe=0 q=")
+
+
+def test_a_motion_meant_for_an_earlier_start_is_refused_and_moves_nothing(desk):
+    q = joints(desk.home + 0.05)
+
+    assert desk.say(f"1 MOVE {q} 5 boot=0000").startswith("1 ERR BOOT")
+    assert desk.say(f"2 MOVE {q} 5 boot={desk.controller.boot}") == "2 ACK"
+    assert desk.robot.begun == 1
 
 
 def test_stop_brakes_and_the_motion_ends_as_stopped(desk):
