@@ -2,6 +2,7 @@
 
 In the order in which data walks through:
 
+    named            frames of further placements and tools, and points, that rows name
     unknowns         everything that may differ from drawing and files: one vector in units of prior deviations
     information      the square root of the information about it, grown by QR; variances and draws
     compression      rows of candidate touches in fewer coordinates, without loss

@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from identify.model.cell import Cell
 from identify.model.jig import Face
 from identify.model.measurement import Rows, measurement_model
+from identify.uncertainty.named import Named, columns, named, placed
 
 STICKOUT = 2.0  # [mm], 1 sigma by which a wire that was cut sticks out more or less than before
 
@@ -78,6 +79,7 @@ class Unknowns:
     cell: Cell
     parameters: Int[np.ndarray, " some"]  # places of the first unknowns among the parameters of the robot
     shared: tuple[Shared, ...] = ()
+    named: tuple[Named, ...] = ()  # frames and points, which residuals are not linear in
 
     @classmethod
     def of(cls, cell: Cell, *, blocks: int = 1, further: Sequence[Shared] = ()) -> "Unknowns":
@@ -91,32 +93,38 @@ class Unknowns:
         offsets = (face_offset(face) for face in faces if face.tolerance > 0)
         tilts = (tilt for face in faces if face.tilt > 0 for tilt in face_tilts(face))
         lengths = (stickout(block) for block in range(1, blocks))
-        return cls(cell, np.flatnonzero(~fixed & (cell.prior > 0)), (*offsets, *tilts, *lengths, *further))
+        shared = (*offsets, *tilts, *lengths, *further)
+        return cls(cell, np.flatnonzero(~fixed & (cell.prior > 0)), shared, tuple(named(cell)))
 
     def __len__(self) -> int:
-        return len(self.parameters) + len(self.shared)
+        return len(self.parameters) + len(self.shared) + sum(len(unknown.nominal) for unknown in self.named)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all unknowns."""
         parameters = (self.cell.robot.parameters[i] for i in self.parameters)
-        return (*parameters, *(shared.name for shared in self.shared))
+        further = (name for unknown in self.named for name in unknown.names)
+        return (*parameters, *(shared.name for shared in self.shared), *further)
 
     @cached_property
     def units(self) -> tuple[str, ...]:
         """The unit of each unknown in files and on screens."""
-        return (*(self.cell.robot.units[i] for i in self.parameters), *(shared.unit for shared in self.shared))
+        further = (unit for unknown in self.named for unit in unknown.units)
+        parameters = (self.cell.robot.units[i] for i in self.parameters)
+        return (*parameters, *(shared.unit for shared in self.shared), *further)
 
     @cached_property
     def scale(self) -> Float[np.ndarray, " unknowns"]:
         """One unit of each coordinate of x [mm], [rad] or the inside unit of a joint error."""
-        return np.concatenate([self.cell.scale[self.parameters], [shared.scale for shared in self.shared]])
+        further = (unknown.scale for unknown in self.named)
+        return np.concatenate([self.cell.scale[self.parameters], [shared.scale for shared in self.shared], *further])
 
     @cached_property
     def precision(self) -> Float[np.ndarray, " unknowns"]:
         """Of the prior: 1, or 0 for what is to be fitted."""
         fitted = np.isinf(self.cell.prior[self.parameters])
-        return np.concatenate([np.where(fitted, 0.0, 1.0), [shared.precision for shared in self.shared]])
+        further = (np.full(len(unknown.nominal), unknown.precision) for unknown in self.named)
+        return np.concatenate([np.where(fitted, 0.0, 1.0), [shared.precision for shared in self.shared], *further])
 
     def index(self, names: Sequence[str]) -> list[int]:
         """Places of some unknowns; raises KeyError if one is not among them."""
@@ -134,9 +142,9 @@ class Unknowns:
     ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]:
         """Residuals [mm] at x, and their Jacobian by x [mm]."""
         theta = self.theta(x)
-        r, J = measurement_model(self.cell.robot).linearize(theta, rows)
-        K = self._shared_slopes(rows, theta)
-        return r + K @ x[len(self.parameters) :], np.hstack([self._scaled(J), K])
+        r, J = self._linearized(theta, rows, x)
+        first, last = len(self.parameters), len(self.parameters) + len(self.shared)
+        return r + J[:, first:last] @ x[first:last], J
 
     def rows(
         self, rows: Rows, theta: Float[np.ndarray, " parameters"] | None = None
@@ -146,8 +154,29 @@ class Unknowns:
         Offsets of faces are columns of their own, so that all touches on a face share one.
         """
         theta = self.cell.theta if theta is None else theta
-        J = measurement_model(self.cell.robot).linearize(theta, rows)[1]
-        return np.hstack([self._scaled(J), self._shared_slopes(rows, theta)]) / rows.sigma[:, None]
+        return self._linearized(theta, rows, np.zeros(len(self)))[1] / rows.sigma[:, None]
+
+    def _linearized(
+        self, theta: Float[np.ndarray, " parameters"], rows: Rows, x: Float[np.ndarray, " unknowns"]
+    ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]:
+        """Residuals [mm] without the part of what is linear, and the Jacobian by x [mm]."""
+        model = measurement_model(self.cell.robot)
+        if not self.named:
+            r, J = model.linearize(theta, rows)
+            return r, np.hstack([self._scaled(J), self.shared_slopes(rows, theta)])
+        each, rows = placed(theta, rows, self.values(x))
+        r, J, P = model.linearize_with_points(each, rows)
+        further = [columns(unknown, rows, J, P) * unknown.scale for unknown in self.named]
+        return r, np.hstack([self._scaled(J), self.shared_slopes(rows, theta), *further])
+
+    def values(self, x: Float[np.ndarray, " unknowns"]) -> list[tuple[Named, np.ndarray]]:
+        """Frames and points with their coordinates [mm, rad] at x."""
+        start, out = len(self.parameters) + len(self.shared), []
+        for unknown in self.named:
+            part = x[start : start + len(unknown.nominal)]
+            out.append((unknown, unknown.nominal + unknown.scale * part))
+            start += len(part)
+        return out
 
     def tip_rows(
         self, q: Float[np.ndarray, "poses joints"], theta: Float[np.ndarray, " parameters"] | None = None
@@ -155,12 +184,12 @@ class Unknowns:
         """Derivatives of the tip position by x [mm], at a robot or the drawing; 0 for what only measurements share."""
         theta = self.cell.theta if theta is None else theta
         J = self._scaled(self.cell.kinematics.tip_jacobian(q, theta)[1])
-        return np.concatenate([J, np.zeros((*J.shape[:2], len(self.shared)))], axis=2)
+        return np.concatenate([J, np.zeros((*J.shape[:2], len(self) - J.shape[2]))], axis=2)
 
     def _scaled(self, J: Float[np.ndarray, "*rows parameters"]) -> Float[np.ndarray, "*rows some"]:
         return np.asarray(J[..., self.parameters] * self.cell.scale[self.parameters])
 
-    def _shared_slopes(self, rows: Rows, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "rows shared"]:
+    def shared_slopes(self, rows: Rows, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "rows shared"]:
         """Derivatives of residuals by what measurements share, in units of its priors [mm]."""
         at, K = Contacts(rows, self.cell, theta), np.zeros((len(rows), len(self.shared)))
         for k, shared in enumerate(self.shared):
