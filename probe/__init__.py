@@ -14,6 +14,7 @@ Its rooms, in the order in which data walks through:
     motion       how the arm moves without hitting anything, for planner and driver
     controllers  robot controllers by the protocol they speak
     runs         the run of a plan: touches made, judged, remembered
+    programs     the touches of a plan in a controller's own language, and what it logs
     virtual      a virtual robot cell behind a port
 """
 

@@ -19,7 +19,7 @@ ROOMS = {
         "model.compiled", "model", "model.urdf", "model.io", "uncertainty", "estimation", "compensation", "workpiece",
         "health", "programs", "export", "pendant", "report",
     ),
-    "probe": ("line", "motion", "controllers", "programs", "runs", "virtual"),
+    "probe": ("line", "motion", "controllers", "runs", "programs", "virtual"),
     "oed": ("criteria", "design", "candidates", "refinement", "planning", "campaigns", "cli"),
 }  # fmt: skip
 DOORS = ("identify.model", "identify.uncertainty")  # what probe, and planning apart from the closed loop, may see

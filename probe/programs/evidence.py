@@ -1,0 +1,137 @@
+"""Which of the logged touches count: the rules of a live run, as far as a log shows what they ask for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identify.model.cell import DEG, Cell
+from identify.model.files import InputError, Mistake
+from identify.model.touch import HIT, Plan, Touches
+from probe.line.controller import CODES, Contact
+from probe.motion.joint_path import Geometry, Target
+from probe.motion.settings import Settings
+from probe.programs.log import CLOSED, HELD, MISSED, NOT_MADE, OPENED, TOUCHED, Entry, Log, stamp
+from probe.programs.routine import line_ends, line_point
+from probe.runs.acceptance import objection
+from probe.runs.prediction import Predictor
+from probe.runs.preflight import validate
+from probe.runs.records import Intent
+
+OFF_LINE = 0.5 * DEG  # [rad], of a latch from a straight line: controller and model differ by a little
+REASONS = {
+    CLOSED: CODES["ALREADY"],
+    OPENED: "the contact did not last until the robot stood still",
+    HELD: "the touch input was still closed after the retract",
+}
+
+
+@dataclass(frozen=True)
+class Imported:
+    """Rows of touches.csv, and the touches of the plan that no log tells of."""
+
+    touches: Touches
+    missing: tuple[str, ...]
+
+
+def imported(
+    logs: Sequence[Log], plan: Plan, cell: Cell, maker: str, *, straight: bool, temperature: float | None = None,
+    note: str = "",
+) -> Imported:  # fmt: skip
+    """The touches of a plan that programs of a maker logged; where two logs tell of one, the later log counts.
+
+    A touch counts if the program saw the input open before, closed at rest and open after the retract, if the latched
+    joints lie on the search (`straight`: on the line of the tip), the overtravel fits the speed, and no earlier touches
+    contradict it. Raises InputError for logs of another plan or program.
+    """
+    entries = _entries(logs, plan, cell, maker)
+    settings = Settings(search_speed=logs[0].speed)
+    if straight:
+        settings = replace(settings, off_line=OFF_LINE, arrived=OFF_LINE)
+    targets = validate(plan, cell, settings)
+    geometry = Geometry(cell, settings)
+    if straight:
+        ends = line_ends(cell, targets, geometry)
+        targets = [
+            replace(t, end=end, length=geometry.length(t.approach, end)) for t, end in zip(targets, ends, strict=True)
+        ]
+    judge = _Judge(geometry, straight)
+    rows = [
+        (i, entries[i + 1], *judge.status(targets[i], entries[i + 1])) for i in range(len(plan)) if i + 1 in entries
+    ]
+    made = [i for i, *_ in rows]
+    q = [entry.latch if status in (HIT, "outlier") else targets[i].approach for i, entry, status, _ in rows]
+    none = np.full(len(rows), np.nan)
+    touches = Touches(
+        ids=tuple(plan.ids[i] for i in made), face=tuple(plan.face[i] for i in made),
+        q=np.array(q).reshape(-1, plan.q.shape[1]), normal=np.full((len(rows), 3), np.nan), offset=none, sigma=none,
+        status=tuple(status for _, _, status, _ in rows),
+        temperature=none if temperature is None else np.full(len(rows), temperature), time=("",) * len(rows),
+        note=tuple("; ".join(filter(None, (reason, note))) for *_, reason in rows), approach=plan.approach[made],
+    )  # fmt: skip
+    return Imported(touches, tuple(name for i, name in enumerate(plan.ids) if i + 1 not in entries))
+
+
+def _entries(logs: Sequence[Log], plan: Plan, cell: Cell, maker: str) -> dict[int, Entry]:
+    """What was made, by number; raises InputError where a log is not of this plan."""
+    expected, mistakes = stamp(plan, cell.robot, maker), []
+    entries: dict[int, Entry] = {}
+    for log in logs:
+        if log.stamp != expected:
+            text = f"it is the log of another plan (stamp {log.stamp}, expected {expected}); name its plan with --plan"
+            mistakes.append(Mistake(log.file, 0, text))
+        elif log.first + log.count - 1 > len(plan):
+            text = f"it tells of touches up to {log.first + log.count - 1}, the plan has {len(plan)}"
+            mistakes.append(Mistake(log.file, 0, f"{text}; name the plan that the program was written from"))
+        elif log.speed != logs[0].speed:
+            text = f"its search speed is {log.speed:g} mm/s, that of {logs[0].file} {logs[0].speed:g}"
+            mistakes.append(Mistake(log.file, 0, f"{text}; import them one by one"))
+        mistakes += [
+            Mistake(
+                log.file, e.line, f"touch {e.number} has code {e.code}, expected {NOT_MADE} to {HELD}; save it again"
+            )
+            for e in log.entries
+            if not NOT_MADE <= e.code <= HELD
+        ]
+        mistakes += [
+            Mistake(log.file, e.line, f"touch {e.number} has a contact but no joints; save all files of one run")
+            for e in log.entries
+            if e.code == TOUCHED and not np.isfinite([e.latch, e.rest]).all()
+        ]
+        entries |= {entry.number: entry for entry in log.entries if entry.code != NOT_MADE}
+    if mistakes:
+        raise InputError(mistakes)
+    return entries
+
+
+class _Judge:
+    """Judges touches in their order, and learns from those that count."""
+
+    def __init__(self, geometry: Geometry, straight: bool) -> None:
+        self.geometry, self.straight, self.predictor = geometry, straight, Predictor(geometry.cell)
+
+    def status(self, target: Target, entry: Entry) -> tuple[str, str]:
+        """Status and note of a touch, as in touches.csv."""
+        if entry.code == MISSED:
+            return "miss", f"nothing met within {target.length:.1f} mm of search"
+        if entry.code != TOUCHED:
+            return "skipped", REASONS[entry.code]
+        rate = self.geometry.search_rate(target, self.geometry.search_speed)
+        intent = Intent("search", target.id, "", 0, target.approach, target.end, target.approach, rate)
+        latch, rest = (self._on_search(target, q) for q in (entry.latch, entry.rest))
+        if why_not := objection(Contact(latch, rest, "", 0), intent, self.geometry):
+            return "skipped", why_not
+        surprise = self.predictor.judge(entry.latch, target.face)
+        if surprise.beyond(self.geometry.settings.disagreement):
+            return "outlier", f"{surprise.difference:+.2f} mm from the prediction"
+        self.predictor.learn(entry.latch, target.face)
+        return HIT, ""
+
+    def _on_search(self, target: Target, q: np.ndarray) -> np.ndarray:
+        """The joints less what a straight line of the tip bends away from the line in joint space."""
+        if not self.straight:
+            return q
+        start, end, tip = self.geometry.tip(np.stack([target.approach, target.end, q]))
+        share = float((tip - start) @ (end - start) / ((end - start) @ (end - start)))
+        bent = line_point(self.geometry.cell, target.approach, target.end, np.array([share]))[0]
+        return np.asarray(q - bent + target.approach + share * (target.end - target.approach))

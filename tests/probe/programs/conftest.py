@@ -1,0 +1,59 @@
+"""One plan, one virtual arm and one live run, shared by all makers."""
+
+import numpy as np
+import pytest
+from maker_bench import BROKEN, DELAY, STICKS, TOUCHES, Bench, Made, make
+from maker_machine import LiveController, RobotClock
+from touching import clear_plan, pointed
+
+from identify.model.touch import Touches
+from probe.motion.settings import Settings
+from probe.programs.makers import MAKERS
+from probe.programs.options import Options
+from probe.runs.execution import run
+from probe.runs.session import Session
+from probe.virtual.truth import Effects, Truth
+
+
+@pytest.fixture(scope="session")
+def bench(arc_welder) -> Bench:
+    """An arm off by a fifth of its tolerances, with play, delay, bounce and noise."""
+    rng = np.random.default_rng(5)
+    cell = pointed(arc_welder)
+    plan = clear_plan(cell, TOUCHES)
+    theta = cell.theta + 0.15 * cell.scale * rng.standard_normal(len(cell.theta))
+    effects = Effects(
+        sigma=0.03, joint_noise=(0.0, np.radians(0.0005)), backlash=(0.0, np.radians(0.002)), relay_delay=DELAY,
+        servo=0.001, bounce=0.003,
+    )  # fmt: skip
+    return Bench(cell, plan, Truth(theta, effects))
+
+
+@pytest.fixture(scope="session")
+def live(bench, tmp_path_factory) -> Touches:
+    """The touches of a live run, one attempt each, every search from the approach."""
+    robot = bench.robot(broken=BROKEN)
+    settings = Settings(retries=0, misses=TOUCHES, near=1e6, trust_position=True)
+    path, clock = tmp_path_factory.mktemp("live") / "touches.csv", RobotClock(robot)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.fsync", lambda handle: None)
+        with Session(path, bench.cell, bench.plan, clock=clock) as session:
+            run(bench.plan, LiveController(robot), session, settings, clock=clock)
+            results = list(session.results.values())
+    blank = np.full(len(results), np.nan)
+    return Touches(
+        tuple(r.id for r in results), tuple(r.face for r in results), np.array([r.reading.q for r in results]),
+        np.full((len(results), 3), np.nan), blank, blank, tuple(r.status for r in results), blank, ("",) * len(results),
+        tuple(r.note for r in results), bench.plan.approach,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def made(bench, tmp_path_factory) -> dict[str, Made]:
+    """The programs of all makers, run on the same arm: three misses, and an input that sticks once."""
+    faults = {"broken": BROKEN, "sticks": STICKS}
+    options = {"fanuc": Options(first=11, tool="2"), "ur": Options(per_file=25)}
+    return {
+        maker: make(bench, maker, tmp_path_factory.mktemp(maker), options.get(maker, Options()), **faults)
+        for maker in MAKERS
+    }
