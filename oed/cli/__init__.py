@@ -9,6 +9,8 @@ In the order in which data walks through:
     check       the cell validated and compared with the pendant
     plan        touches chosen
     run         touches made
+    program     touches as a program in the controller's own language
+    import_log  touches from what such a program logged
     campaign    touches made, identified and planned by turns
     virtual     a virtual cell behind a port
     identify    parameters from touches
@@ -40,6 +42,8 @@ COMMANDS = {
     "init": "Make a commented cell folder to start from.",
     "check": "Validate the cell, and compare it with poses read off the pendant.",
     "run": "Make the touches of a plan over a serial line.",
+    "program": "Write the touches of a plan in the controller's own language.",
+    "import": "Read what such a program logged as touches.",
     "campaign": "Touch, identify and plan by turns, until the robot is as accurate as asked.",
     "virtual": "Serve a virtual robot cell on a pseudo-terminal or socket.",
     "plan": "Choose the touches that tell the most about the robot.",
@@ -55,6 +59,7 @@ COMMANDS = {
     "schema": "The JSON schema of cell.yaml, robot.yaml or jig.yaml, for editors.",
 }
 """What each command does, in one line; its module in this package is loaded only when it runs."""
+MODULES = {"import": "import_log"}  # what a module cannot be called
 
 GOES_ON = "what was finished is in its folder, and the same command goes on"
 KEPT = dict.fromkeys(("demo", "campaign", "study"), GOES_ON)
@@ -74,7 +79,8 @@ def application() -> App:
         suppress_keyboard_interrupt=False,
     )
     for name in COMMANDS:
-        app.command(f"oed.cli.{name}:{name}", name=name, help_flags=())
+        module = MODULES.get(name, name)
+        app.command(f"oed.cli.{module}:{module}", name=name, help_flags=())
     app.register_install_completion_command()
     return app
 

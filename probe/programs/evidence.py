@@ -8,22 +8,17 @@ import numpy as np
 from identify.model.cell import DEG, Cell
 from identify.model.files import InputError, Mistake
 from identify.model.touch import HIT, Plan, Touches
-from probe.line.controller import CODES, Contact
+from probe.line.controller import Contact as RobotContact
 from probe.motion.joint_path import Geometry, Target
 from probe.motion.settings import Settings
-from probe.programs.log import CLOSED, HELD, MISSED, NOT_MADE, OPENED, TOUCHED, Entry, Log, stamp
+from probe.programs.log import CLOSED, HELD, MISSED, NOT_MADE, TOUCHED, Entry, Log, stamp
 from probe.programs.routine import line_ends, line_point
-from probe.runs.acceptance import objection
+from probe.runs.acceptance import objection, unconfirmed
 from probe.runs.prediction import Predictor
 from probe.runs.preflight import validate
-from probe.runs.records import Intent
+from probe.runs.records import APPROACH, CONTACT, RETRACTED, Intent, Observation
 
 OFF_LINE = 0.5 * DEG  # [rad], of a latch from a straight line: controller and model differ by a little
-REASONS = {
-    CLOSED: CODES["ALREADY"],
-    OPENED: "the contact did not last until the robot stood still",
-    HELD: "the touch input was still closed after the retract",
-}
 
 
 @dataclass(frozen=True)
@@ -104,6 +99,15 @@ def _entries(logs: Sequence[Log], plan: Plan, cell: Cell, maker: str) -> dict[in
     return entries
 
 
+def _observations(code: int, target: Target, rest: np.ndarray) -> dict[str, Observation]:
+    """What a program saw of the input, as the driver notes it; its exact stop says that it stood at the approach."""
+    return {
+        APPROACH: Observation(APPROACH, "", target.approach, code == CLOSED),
+        CONTACT: Observation(CONTACT, "", rest, code in (TOUCHED, HELD)),
+        RETRACTED: Observation(RETRACTED, "", target.approach, code == HELD),
+    }
+
+
 class _Judge:
     """Judges touches in their order, and learns from those that count."""
 
@@ -114,12 +118,12 @@ class _Judge:
         """Status and note of a touch, as in touches.csv."""
         if entry.code == MISSED:
             return "miss", f"nothing met within {target.length:.1f} mm of search"
-        if entry.code != TOUCHED:
-            return "skipped", REASONS[entry.code]
         rate = self.geometry.search_rate(target, self.geometry.search_speed)
         intent = Intent("search", target.id, "", 0, target.approach, target.end, target.approach, rate)
         latch, rest = (self._on_search(target, q) for q in (entry.latch, entry.rest))
-        if why_not := objection(Contact(latch, rest, "", 0), intent, self.geometry):
+        seen = _observations(entry.code, target, rest)
+        contact = RobotContact(latch, rest, "", 0)
+        if why_not := objection(contact, intent, seen, self.geometry) or unconfirmed(seen, intent):
             return "skipped", why_not
         surprise = self.predictor.judge(entry.latch, target.face)
         if surprise.beyond(self.geometry.settings.disagreement):
@@ -129,7 +133,7 @@ class _Judge:
 
     def _on_search(self, target: Target, q: np.ndarray) -> np.ndarray:
         """The joints less what a straight line of the tip bends away from the line in joint space."""
-        if not self.straight:
+        if not self.straight or np.isnan(q).any():
             return q
         start, end, tip = self.geometry.tip(np.stack([target.approach, target.end, q]))
         share = float((tip - start) @ (end - start) / ((end - start) @ (end - start)))

@@ -1,10 +1,11 @@
 r"""An interpreter of the RAPID statements that touchcal emits, written from ABB's technical reference manual RAPID.
 
-Statement -> semantics: `MoveAbsJ j \NoEOffs, v, fine, t`: joint motion at the speed v of the tip. `MoveL p, v, fine, t \WObj:=w`: straight. `SearchL
-\Stop, di, found, to, v, t \WObj:=w`: straight to `to`; at the edge of di the position of that moment goes to `found` and the robot stops;
-if it arrives, ERR_WHLSEARCH is raised with the robot at `to`; with di high at the start, ERR_SIGSUPSEARCH without a motion. The
-ERROR clause of the routine runs with ERRNO; the path has to be stored before another motion, and cleared and started after it.
-`WaitDI di, 0 \MaxTime:=s \TimeFlag:=late`: waits up to s seconds, late says if in vain. `CalcRobT` and `CalcJointT` are the controller's own
+Statement -> semantics: `MoveAbsJ j \NoEOffs, v, fine, t`: joint motion at the speed v of the tip. `MoveL p, v,
+fine, t \WObj:=w`: straight. `SearchL \Stop, di, found, to, v, t \WObj:=w`: straight to `to`; at the edge of di the
+position of that moment goes to `found` and the robot stops; if it arrives, ERR_WHLSEARCH is raised with the robot
+at `to`; with di high at the start, ERR_SIGSUPSEARCH without a motion. The ERROR clause of the routine runs with
+ERRNO; the path has to be stored before another motion, and cleared and started after it. `WaitDI di, 0 \MaxTime:=s
+\TimeFlag:=late`: waits up to s seconds, late says if in vain. `CalcRobT` and `CalcJointT` are the controller's own
 kinematics; `Write` writes a line; a string holds 80 characters. `Stop` waits for start. A num has 23 bits.
 """
 

@@ -1,13 +1,12 @@
 """An interpreter of the TP statements that touchcal emits, written from FANUC's operator manual.
 
-Statement -> semantics (source: Handling Tool operator's manual, chapter on program instructions, unless named):
-`J P[i] n% FINE`: joint motion, n percent of the largest joint speed, stops exactly.
-`J PR[i] R[j]sec FINE`: the same in a given time.
-`SKIP CONDITION DI[n]=ON` with `Skip,LBL[a],PR[b]=JPOS` on a motion: if the condition becomes true the robot stops, the joints of
-that moment go to PR[b] (high-speed skip) and the next line runs; if the robot arrives, the program jumps to LBL[a]; if the
-condition is true at the start, the motion ends at once.
-`WAIT DI[n]=OFF TIMEOUT,LBL[a]`: waits up to $WAITTMOUT (1/100 s), then jumps.
-`R[R[i]]`, `PR[R[i]]`: indirect addresses. A position register holds joints, posreg.va shows them with three decimals.
+Statement -> semantics (source: Handling Tool operator's manual, chapter on program instructions, unless named): `J
+P[i] n% FINE`: joint motion, n percent of the largest joint speed, stops exactly. `J PR[i] R[j]sec FINE`: the same
+in a given time. `SKIP CONDITION DI[n]=ON` with `Skip,LBL[a],PR[b]=JPOS` on a motion: if the condition becomes true
+the robot stops, the joints of that moment go to PR[b] (high-speed skip) and the next line runs; if the robot
+arrives, the program jumps to LBL[a]; if the condition is true at the start, the motion ends at once. `WAIT
+DI[n]=OFF TIMEOUT,LBL[a]`: waits up to $WAITTMOUT (1/100 s), then jumps. `R[R[i]]`, `PR[R[i]]`: indirect addresses.
+A position register holds joints, posreg.va shows them with three decimals.
 """
 
 import re

@@ -1,11 +1,12 @@
 """An interpreter of the KRL statements that touchcal emits, written from KUKA's manual for system integrators.
 
-Statement -> semantics: `PTP {A1 ..}`: joint motion, the slowest axis at its $VEL_AXIS percent decides the time. `LIN_REL {X ..}`: the
-tip goes straight by a vector of $BASE, the orientation stays ($ORI_TYPE=#CONSTANT), $VEL.CP in m/s. `INTERRUPT DECL n WHEN c DO
-f ( )` declares, `INTERRUPT ON n` watches from then on for a rising edge: the input must be FALSE then ($MEAS_PULSE refuses
-otherwise). At the edge f runs at once; `BRAKE F` stops on the path; $AXIS_INT are the axes at the edge; `RESUME` gives up the
-motion and goes on behind the call of the subprogram that ran, in the level where the interrupt was declared, and needs $ADVANCE=0.
-`HALT` waits for start. Values of variables declared in the .dat stay in it.
+Statement -> semantics: `PTP {A1 ..}`: joint motion, the slowest axis at its $VEL_AXIS percent decides the time.
+`LIN_REL {X ..}`: the tip goes straight by a vector of $BASE, the orientation stays ($ORI_TYPE=#CONSTANT), $VEL.CP
+in m/s. `INTERRUPT DECL n WHEN c DO f ( )` declares, `INTERRUPT ON n` watches from then on for a rising edge: the
+input must be FALSE then ($MEAS_PULSE refuses otherwise). At the edge f runs at once; `BRAKE F` stops on the path;
+$AXIS_INT are the axes at the edge; `RESUME` gives up the motion and goes on behind the call of the subprogram that
+ran, in the level where the interrupt was declared, and needs $ADVANCE=0. `HALT` waits for start. Values of
+variables declared in the .dat stay in it.
 """
 
 import re

@@ -1,7 +1,7 @@
 """The machine under makers' programs: the virtual arm, an input, and a controller that knows the arm by its drawing.
 
-The interpreters of the makers' languages stand on it, and so does the live run that they are compared with. Noise is drawn
-by the number of contacts so far, so that the same touch has the same noise whoever makes it.
+The interpreters of the makers' languages stand on it, and so does the live run that they are compared with. Noise
+is drawn by the number of contacts so far, so that the same touch has the same noise whoever makes it.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from probe.virtual.records import CONTACT, MOVE, NOCONTACT, OK, SEARCH
 from probe.virtual.robot import VirtualRobot
 from probe.virtual.truth import Truth
 
-SEGMENT = 5.0  # [mm] of a straight line that is run as one joint motion: it bends by 3 um at a metre
+SEGMENT = 10.0  # [mm] of a straight line that is run as one joint motion: it bends by 12 um at a metre
 
 
 class RepeatableArm(Arm):

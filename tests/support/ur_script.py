@@ -1,12 +1,13 @@
 """An interpreter of the URScript that touchcal emits, written from the URScript manual.
 
-Statement -> semantics: `movej(q, a, v)`: joint motion at v rad/s of the leading axis; with `t` in that time. A thread begun by `run` goes on
-while the program that began it runs; `kill` ends it, `join` waits for it; `sync()` waits for the next control cycle; `stopj(a)` brakes
-to rest. `get_actual_joint_positions()` are the encoders of this cycle. A variable that is assigned in a function is the global one
-if there is one and `local` does not stand before it. `floor` gives a whole number, `to_str` all digits of one. Blocks end with `end`.
+Statement -> semantics: `movej(q, a, v)`: joint motion at v rad/s of the leading axis; with `t` in that time. A
+thread begun by `run` goes on while the program that began it runs; `kill` ends it, `join` waits for it; `sync()`
+waits for the next control cycle; `stopj(a)` brakes to rest. `get_actual_joint_positions()` are the encoders of this
+cycle. A variable that is assigned in a function is the global one if there is one and `local` does not stand before
+it. `floor` gives a whole number, `to_str` all digits of one. Blocks end with `end`.
 
-URScript is near enough to Python to be run as Python: blocks lose their `end`, `run`, `kill` and `join` get parentheses, a thread becomes a
-generator that waits at each motion.
+URScript is near enough to Python to be run as Python: blocks lose their `end`, `run`, `kill` and `join` get
+parentheses, a thread becomes a generator that waits at each motion.
 """
 
 import re
@@ -31,10 +32,12 @@ class UrScript:
         self.tripped = False
         self.code = translated(files[f"{name}.script"])
 
-    def run(self) -> None:
-        names = ("movej", "stopj", "sync", "sleep", "get_standard_digital_in", "get_actual_joint_positions", "popup", "run",
-                 "kill", "join", "socket_open", "socket_close", "socket_send_line", "socket_send_string", "socket_send_byte",
-                 "halt", "thread_movej")  # fmt: skip
+    def run_program(self) -> None:
+        names = (
+            "movej", "stopj", "sync", "sleep", "get_standard_digital_in", "get_actual_joint_positions", "popup", "run",
+            "kill", "join", "socket_open", "socket_close", "socket_send_line", "socket_send_string",
+            "socket_send_byte", "halt", "thread_movej",
+        )  # fmt: skip
         scope = {name: getattr(self, name) for name in names}
         scope |= {"floor": lambda value: int(np.floor(value)), "to_str": str, "__builtins__": {}}
         exec(self.code, scope)
@@ -78,7 +81,7 @@ class UrScript:
     def sleep(self, seconds):
         self.machine.wait(seconds)
 
-    def run_thread(self, thread):
+    def run(self, thread):
         self.thread = thread()
         next(self.thread)
         return self.thread
@@ -121,10 +124,6 @@ class UrScript:
 
     def socket_send_byte(self, value, name):
         self.sent += chr(value)
-
-
-UrScript.run_program = UrScript.run
-UrScript.run = UrScript.run_thread
 
 
 def translated(text: str) -> str:

@@ -1,9 +1,10 @@
 """An interpreter of the INFORM statements that touchcal emits, written from Yaskawa's INFORM manual.
 
-Statement -> semantics: `MOVJ Cn VJ=p`: joint motion at p percent of the joint speeds. `MOVL Cn V=v`: the tip goes straight at v mm/s to the
-pose of these pulses. `MOVL Cn V=v SRCH RIN#(k)=ON DIS=d`: the same until the direct input goes on, at most d mm; the pulses of that
-moment are $PX002 and $B002 is 1, else 0. `GETS x $y` reads a system variable, $PX000 are the pulses now. `SET`, `INC`, `JUMP *L IF c`,
-`CALL JOB:n`, `TIMER T=s`, `WAIT IN#(n)=OFF T=s` (goes on after s), `MSG`, `PAUSE`. A job begins with NOP and ends with END.
+Statement -> semantics: `MOVJ Cn VJ=p`: joint motion at p percent of the joint speeds. `MOVL Cn V=v`: the tip goes
+straight at v mm/s to the pose of these pulses. `MOVL Cn V=v SRCH RIN#(k)=ON DIS=d`: the same until the direct input
+goes on, at most d mm; the pulses of that moment are $PX002 and $B002 is 1, else 0. `GETS x $y` reads a system
+variable, $PX000 are the pulses now. `SET`, `INC`, `JUMP *L IF c`, `CALL JOB:n`, `TIMER T=s`, `WAIT IN#(n)=OFF T=s`
+(goes on after s), `MSG`, `PAUSE`. A job begins with NOP and ends with END.
 """
 
 import re

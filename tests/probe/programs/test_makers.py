@@ -1,13 +1,72 @@
-import pytest
-from maker_bench import BROKEN, STICKS, make
-from probe.programs.options import Options
-import numpy as np
+"""Programs of all makers against the live run, on the same virtual arm: three misses, and an input that sticks."""
 
-@pytest.mark.parametrize("maker", ["ur"])
-def test_x(bench, live, maker, tmp_path):
-    made = make(bench, maker, tmp_path, Options(), broken=BROKEN, sticks=STICKS)
-    hit=[i for i,s in enumerate(made.touches.status) if s=='hit' and live.status[i]=='hit']
-    d=np.degrees(made.touches.q[hit]-live.q[hit])
-    step=np.degrees(bench.plan.q-bench.plan.approach)[hit]
-    for k in np.argsort(-np.abs(d).max(axis=1))[:6]:
-        print(hit[k], d[k].round(5), step[k].round(4), (d[k]/step[k]).round(6))
+import numpy as np
+import pytest
+from maker_bench import BROKEN, RESOLUTION, STICKS, TOUCHES
+
+from identify.estimation.calibrate import calibrate
+from identify.model.io.tables import read_touches, touches_text
+from probe.programs.makers import MAKERS
+
+JOINT_SEARCH = [name for name, maker in MAKERS.items() if not maker.straight]
+MADE = [m for m in MAKERS if m != "yaskawa"]
+
+
+@pytest.fixture(params=MADE)
+def maker(request):
+    return request.param
+
+
+def test_every_touch_is_in_the_table_as_it_was_live_but_the_one_after_which_the_input_stuck(maker, made, live, bench):
+    touches = made[maker].touches
+
+    expected = [*live.status]
+    expected[STICKS - 1] = "skipped"
+    assert touches.ids == live.ids == bench.plan.ids
+    assert touches.face == live.face
+    assert list(touches.status) == expected
+    assert [i + 1 for i, status in enumerate(live.status) if status == "miss"] == sorted(BROKEN)
+    assert made[maker].missing == ()
+
+
+def test_the_joints_are_those_of_the_edge_to_the_resolution_of_the_controller(maker, made):
+    touches, latches = made[maker].touches, made[maker].machine.latches
+
+    contacts = [i for i in range(TOUCHES) if i + 1 not in BROKEN]
+    off = [
+        np.abs(np.degrees(touches.q[i]) - latch).max()
+        for i, latch in zip(contacts, latches, strict=True)
+        if touches.status[i] == "hit"
+    ]
+    assert len(off) == TOUCHES - len(BROKEN) - 1
+    assert max(off) <= 0.5001 * RESOLUTION[maker]
+
+
+@pytest.mark.parametrize("maker", JOINT_SEARCH)
+def test_a_search_in_joint_space_gives_the_joints_of_the_live_run(maker, made, live):
+    touches = made[maker].touches
+
+    hits = np.array([a == b == "hit" for a, b in zip(touches.status, live.status, strict=True)])
+    off = np.abs(np.degrees(touches.q[hits] - live.q[hits])).max()
+    assert off <= RESOLUTION[maker] + 2e-4  # and what the arm moves in a servo step
+    np.testing.assert_allclose(touches.approach, live.approach, atol=1e-9)
+
+
+def test_the_calibration_is_that_of_the_live_run(maker, made, live, bench, tmp_path):
+    rms, others = [], np.arange(TOUCHES) != STICKS - 1
+    for touches in (live.take(others), made[maker].touches.take(others)):
+        path = tmp_path / f"touches{len(rms)}.csv"
+        path.write_text(touches_text(touches, bench.cell.robot))
+        found = calibrate(bench.cell, read_touches(path, bench.cell), folds=0)
+        rms.append(zone_rms(bench, found.theta))
+
+    nominal = zone_rms(bench, bench.cell.theta)
+    assert rms[0] < 0.1 * nominal
+    assert rms[1] == pytest.approx(rms[0], rel=0.02)
+
+
+def zone_rms(bench, theta) -> float:
+    """RMS of the tip error [mm] at poses of the plan and between them."""
+    q = np.concatenate([bench.plan.q, bench.plan.approach, (bench.plan.q[:-1] + bench.plan.q[1:]) / 2])
+    a, b = (bench.cell.kinematics.tip(q, t)[0] for t in (theta, bench.truth.theta))
+    return float(np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1))))
