@@ -10,7 +10,6 @@ both errors, the touch sensing of a gantry. The robot searches along a straight 
 joint space; the joints are those that the controller itself finds for the stored point (CalcJointT).
 """
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -24,7 +23,7 @@ from probe.programs.routine import Joints
 
 TOUCHES = 200  # in one module
 NONE = "[9E9,9E9,9E9,9E9,9E9,9E9]"  # external axes that there are not
-NAME = re.compile(r"[A-Za-z]\w{0,31}")
+TOOL = "tool0"
 
 INSTRUCTIONS = Instructions(
     title="ABB IRC5",
@@ -64,7 +63,7 @@ def _joints(counts: Joints) -> str:
 
 def _module(part: Part) -> Iterator[str]:
     options = part.options
-    tool = options.tool or "tool0"
+    tool = options.tool or TOOL
     yield from (f"MODULE {part.name}", *(f"  ! {remark}" for remark in part.remarks))
     yield f"  LOCAL CONST speeddata vMove:=[{options.move_speed:g},500,5000,1000];"
     yield f"  LOCAL CONST speeddata vBack:=[{options.retract_speed:g},500,5000,1000];"
@@ -85,7 +84,7 @@ def _module(part: Part) -> Iterator[str]:
         if not options.rehearsal:
             yield f"    Touch {routine.number}, {_joints(part.counts(routine.end))};"
     yield "  ENDPROC"
-    yield from () if options.rehearsal else _routines(part, tool)
+    yield from () if options.rehearsal else (*_touch(part), *_search(part))
     yield "ENDMODULE"
 
 
@@ -93,10 +92,15 @@ def _file(part: Part) -> str:
     return f"{part.name.lower()}.txt"
 
 
-def _routines(part: Part, tool: str) -> list[str]:
+def _names(part: Part) -> tuple[str, str]:
+    """The touch input, and the tool in its work object."""
+    options = part.options
+    return options.input or "diTouch", f"{options.tool or TOOL} \\WObj:={options.frame or 'wobj0'}"
+
+
+def _touch(part: Part) -> list[str]:
     """One touch: the input open, the search, the way back, the input open again; the code says how far it came."""
-    signal, frame = part.options.input or "diTouch", part.options.frame or "wobj0"
-    where = f"{tool} \\WObj:={frame}"
+    signal, where = _names(part)
     return f"""
   LOCAL PROC Touch(num n, jointtarget jEnd)
     VAR jointtarget jFound;
@@ -135,8 +139,13 @@ def _routines(part: Part, tool: str) -> list[str]:
       TPWrite "touchcal: no contact; is the jig where the cell says?";
       Stop;
     ENDIF
-  ENDPROC
+  ENDPROC""".splitlines()
 
+
+def _search(part: Part) -> list[str]:
+    """The search with what it raises, and the lines of the log."""
+    signal, where = _names(part)
+    return f"""
   LOCAL PROC Seek(robtarget pTo)
     nCode:={MISSED};
     SearchL \\Stop, {signal}, pFound, pTo, vSearch, {where};

@@ -70,7 +70,11 @@ def capacity(registers: int | None) -> int:
 
 def write(part: Part) -> dict[str, str]:
     """Source and data list of a part."""
-    files = {f"{part.name}.src": "\r\n".join([*_main(part), *([] if part.options.rehearsal else _routines(part)), ""])}
+    files = {
+        f"{part.name}.src": "\r\n".join(
+            [*_main(part), *([] if part.options.rehearsal else [*_touch(part), *_search(part)]), ""]
+        )
+    }
     if not part.options.rehearsal:
         files[f"{part.name}.dat"] = "\r\n".join([*_data(part), ""])
     return files
@@ -160,9 +164,13 @@ def _axis_speed(value: int) -> Iterator[str]:
     yield from (" FOR I=1 TO 6", f"  $VEL_AXIS[I]={value}", " ENDFOR")
 
 
-def _routines(part: Part) -> list[str]:
+def _signal(part: Part) -> str:
+    return part.options.input or "$MEAS_PULSE[1]"
+
+
+def _touch(part: Part) -> list[str]:
     """One touch: the input open, the search, the way back, the input open again; the code says how far it came."""
-    signal = part.options.input or "$MEAS_PULSE[1]"
+    signal = _signal(part)
     return f"""
 DEF TC_TOUCH (N :IN)
  INT N
@@ -205,8 +213,13 @@ DEF TC_TOUCH (N :IN)
   ; no contact: is the jig where the cell says?
   HALT
  ENDIF
-END
+END""".splitlines()
 
+
+def _search(part: Part) -> list[str]:
+    """The search, what its interrupt does, and the wait for the input."""
+    signal = _signal(part)
+    return f"""
 DEF TC_SEARCH ( )
  $VEL.CP={part.speed / 1000:.6f}
  INTERRUPT ON {INTERRUPT}

@@ -92,7 +92,7 @@ def _script(part: Part) -> Iterator[str]:
     options = part.options
     yield from (f"# {remark}" for remark in part.remarks)
     if not options.rehearsal:
-        yield from _functions(part)
+        yield from (*_functions(part), *_touch(part))
         stamp, first, count, speed = part.header
         yield f'if not socket_open("{options.host}", {options.port}, "tc"):'
         yield from (
@@ -113,9 +113,13 @@ def _script(part: Part) -> Iterator[str]:
         yield from ('socket_send_line("end", "tc")', 'socket_close("tc")')
 
 
+def _signal(part: Part) -> str:
+    return f"get_standard_digital_in({part.options.input or 0})"
+
+
 def _functions(part: Part) -> list[str]:
-    """One touch: the input open, the search, the way back, the input open again; the code says how far it came."""
-    signal = f"get_standard_digital_in({part.options.input or 0})"
+    """The search in a thread, the wait for the input, and a line of the log."""
+    signal = _signal(part)
     return f"""tc_end = [0, 0, 0, 0, 0, 0]
 tc_seconds = 1.0
 tc_done = False
@@ -140,8 +144,13 @@ def tc_send(q):
     i = i + 1
   end
   socket_send_byte(10, "tc")
-end
-def tc_touch(number, approach, back):
+end""".splitlines()
+
+
+def _touch(part: Part) -> list[str]:
+    """One touch: the input open, the search, the way back, the input open again; the code says how far it came."""
+    signal = _signal(part)
+    return f"""def tc_touch(number, approach, back):
   local code = {CLOSED}
   local q = approach
   local rest = approach
