@@ -3,12 +3,10 @@
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from identify.model.files import InputError, write_text
-from oed.cli.options import CellFile, Json, load_cell, print_json
+from oed.cli.options import CellFile, Json, Output, load_cell, print_json
 
 if TYPE_CHECKING:
     from identify.model.touch import Touches
@@ -21,7 +19,7 @@ def import_log(
     plan: Path,
     maker: str,
     cell: CellFile = Path("cell.yaml"),
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("touches.csv"),
+    output: Output = Path("touches.csv"),
     listen: str | None = None,
     temperature: float | None = None,
     note: str = "",

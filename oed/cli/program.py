@@ -2,17 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from cyclopts import Parameter
 
 from identify.model.files import InputError, write_text
-from oed.cli.options import CellFile, load_cell
+from oed.cli.options import CellFile, Flag, Output, load_cell
 
 if TYPE_CHECKING:
     from probe.programs.options import Options
-
-Flag = Annotated[bool, Parameter(negative=())]
 
 
 @Parameter(name="*")
@@ -61,7 +59,7 @@ def program(
     *,
     maker: str,
     cell: CellFile = Path("cell.yaml"),
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("program"),
+    output: Output = Path("program"),
     rehearsal: Flag = False,
     choices: Choices = USUAL,
 ) -> None:
