@@ -55,5 +55,6 @@ def made(bench, tmp_path_factory) -> dict[str, Made]:
     options = {"fanuc": Options(first=11, tool="2"), "ur": Options(per_file=25)}
     return {
         maker: make(bench, maker, tmp_path_factory.mktemp(maker), options.get(maker, Options()), **faults)
-        for maker in MAKERS if maker != "yaskawa"
+        for maker in MAKERS
+        if maker != "yaskawa"
     }
