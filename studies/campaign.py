@@ -135,7 +135,7 @@ def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng:
     try:
         belief = believe(cell, met)
         good = met.take(belief.as_planned(met))
-        found = calibrate(cell, good, eliminate=False, start=belief.theta, folds=0)
+        found = calibrate(cell, good, start=belief.theta, folds=0)
     except (InputError, CalibrationFailed):
         return Outcome(n, len(met))
     return Outcome(n, len(met), assurance(cell, found, good).promised(), found)

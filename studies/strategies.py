@@ -90,10 +90,10 @@ def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int)
     for true in theta[:, None]:
         made = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
         if n > FIRST:
-            offered = offer(cell, rng, after=calibrate(cell, *made, folds=0, eliminate=False), count=count)
+            offered = offer(cell, rng, after=calibrate(cell, *made, folds=0), count=count)
             rest = plan_of(Setting(offered, "V", "optimal", rng).quickly(n - FIRST))
             made.append(_touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b"))
-        found.append(calibrate(cell, *made, folds=0, eliminate=False).theta)
+        found.append(calibrate(cell, *made, folds=0).theta)
     return np.array(found)
 
 

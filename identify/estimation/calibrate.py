@@ -1,16 +1,28 @@
 """From touches to parameters: elimination, Ipopt, outliers, uncertainty, and errors where the fit has not looked."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.estimation.diagnosis import diagnose
 from identify.estimation.folds import regions
-from identify.estimation.problem import CalibrationFailed, Estimate, Problem, with_face_scatter
+from identify.estimation.joint_errors import JointErrors, with_joint_errors
+from identify.estimation.problem import CalibrationFailed, Problem
+from identify.estimation.robust import Estimate, estimate, scatter
 from identify.estimation.selection import select, with_errors
 from identify.model.cell import Cell
-from identify.model.io.calibration_file import Calibration, Residual, Term, fingerprints, summarize
+from identify.model.io.calibration_file import (
+    Calibration,
+    Discrepancy,
+    Residual,
+    SharedValue,
+    Term,
+    fingerprints,
+    summarize,
+)
 from identify.model.measurement import Measured, Rows, rows
 
 __all__ = ["CalibrationFailed", "calibrate"]
@@ -21,61 +33,147 @@ def calibrate(
     *measured: Measured,
     loss: str = "huber",
     priors: bool = True,
-    eliminate: bool = True,
+    parameters: Literal["all", "identifiable"] = "all",
+    errors: Literal["cell", "auto"] = "cell",
     start: Float[np.ndarray, " parameters"] | None = None,
     folds: int = 5,
-    choose: bool = False,
     rng: np.random.Generator | None = None,
     inputs: Mapping[str, str] | None = None,
 ) -> Calibration:
-    """Identify the parameters that put every touch on its face.
+    """Identify the unknowns that put every touch on its face.
 
-    `loss` is a row of LOSSES; `priors` adds the cell's tolerances to the touches (maximum a posteriori); `folds`
-    regions are held out in turn; `choose` adds the joint error models that the data ask for; `inputs` are the hashes of
-    the files. Without `eliminate` all parameters are estimated, and the tolerances tell apart what touches cannot: what
-    the drawing makes dependent, as parallel axes do, is no longer so on a robot as built, and far off its drawing that
-    is worth a tenth of a millimetre. The search begins at `start`, or at the nominal robot. Raises InputError where the
-    touches cannot determine the parameters, and CalibrationFailed where Ipopt does not converge.
+    By default all parameters and what measurements share are estimated, held by the cell's tolerances (maximum a
+    posteriori). `identifiable` drops, as the paper does, the parameters that the drawing makes dependent: far off the
+    drawing that costs a tenth of a millimetre. With `errors="auto"` all families of joint errors are unknowns too, with
+    small priors, averaged over their sizes; else those of the cell. `loss` is a row of LOSSES; without `priors` the
+    touches alone decide; `folds` regions are held out in turn; `inputs` are the hashes of the files. The search begins
+    at `start`, or at the nominal robot. Raises InputError if the touches cannot determine the parameters, and
+    CalibrationFailed if Ipopt does not converge.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    equations = with_face_scatter(cell, rows(cell.wire, measured, cell.robot.temperature))
-    problem = Problem.pose(cell, equations, loss, priors, eliminate)
+    equations = rows(cell.wire, measured, cell.robot.temperature)
+    problem = Problem.pose(cell, equations, loss, priors, parameters == "identifiable")
     choice: tuple[Term, ...] = ()
-    if choose:
+    if errors == "auto" and parameters == "identifiable":
         selection = select(problem, rng)
         choice, cell = selection.terms, with_errors(cell, selection.errors)
-        problem = Problem.pose(cell, problem.rows, loss, priors, eliminate)
+        problem = Problem.pose(cell, equations, loss, priors)
         start = start if not selection.errors else None  # of another robot
-    estimate = problem.estimate(start)
-    problem.require_rank(estimate.x, estimate.weight, "at the solution")
-    held_out = _held_out(problem, estimate, folds, rng)
-    residual = problem.residual(estimate.x)
-    scatter, significant = problem.scatter(estimate)
-    unit = dict(zip(cell.robot.parameters, cell.robot.parameter_unit(), strict=True))
+    found = estimate(problem, start)
+    if not problem.is_stationary(found.x, found.weight):
+        x = problem.theta(found.x)
+        problem = problem.complete()
+        found = estimate(problem, x)
+    problem.require_rank(found.x, found.weight, "at the solution")
+    fit = _Fit(problem, found, choice)
+    if errors == "auto" and parameters == "all":
+        joint_errors = with_joint_errors(problem, found, rng)
+        full, last = joint_errors.problem(problem)
+        last = replace(last, iterations=found.iterations, seconds=found.seconds)
+        fit = _Fit(full, last, joint_errors.selection.terms, joint_errors)
+    held_out = fit.held_out(folds, rng)
+    return _calibration(problem, fit, held_out, measured, inputs or {})
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A problem, its estimate, and what the joint errors add."""
+
+    problem: Problem
+    estimate: Estimate
+    choice: tuple[Term, ...]
+    joint_errors: JointErrors | None = None
+
+    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Of all unknowns, in units of their priors."""
+        if self.joint_errors is not None:
+            return self.joint_errors.posterior.covariance
+        return self.problem.of_unknowns(self.problem.covariance(self.estimate.x, self.estimate.weight))
+
+    def discrepancy(self) -> Discrepancy:
+        """Noise, and factors on the priors, by which this arm differs from what was stated."""
+        if self.joint_errors is None:
+            return Discrepancy(self.estimate.noise)
+        models = self.joint_errors.models
+        return Discrepancy(models.noise, models.geometry, models.errors)
+
+    def held_out(self, folds: int, rng: np.random.Generator) -> Float[np.ndarray, " measured"] | None:
+        """Errors at touches of regions left out of the fit, each in its turn; None if none can be spared."""
+        if folds < 2:
+            return None
+        problem, x = self.problem, self.estimate.x
+        tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(x))[0]
+        label = regions(tip, folds, rng)
+        errors = [problem.rows.take(out).distances(residual) for out, residual in self._left_out(label)]
+        return np.concatenate(errors) if errors else None
+
+    def _left_out(
+        self, label: Int[np.ndarray, " rows"]
+    ) -> Iterator[tuple[Bool[np.ndarray, " rows"], Float[np.ndarray, " out"]]]:
+        """The rows of each region, and their residuals by the estimate from all others."""
+        problem, found = self.problem, self.estimate
+        for region in np.unique(label):
+            out = (label == region) & found.used
+            weight = np.where(out, 0.0, found.weight)
+            if not out.any() or not problem.determined(found.x, weight):
+                continue
+            if self.joint_errors is not None:
+                yield out, self.joint_errors.without(out)
+            else:
+                yield out, problem.residual(problem.solve(found.x, weight, "linear").x)[out]
+
+
+def _calibration(
+    geometry: Problem,
+    fit: _Fit,
+    held_out: Float[np.ndarray, " measured"] | None,
+    measured: tuple[Measured, ...],
+    inputs: Mapping[str, str],
+) -> Calibration:
+    problem, found = fit.problem, fit.estimate
+    unknowns, count = problem.unknowns, len(problem.unknowns.parameters)
+    names = problem.cell.robot.parameters
+    covariance = fit.covariance() * np.outer(unknowns.scale, unknowns.scale)
+    x, residual = problem.unknown(found.x), problem.residual(found.x)
+    unit = dict(zip(names, problem.cell.robot.parameter_unit(), strict=True))
+    combinations = {} if problem.structure is None else problem.structure.combinations
+    deviation, significant = scatter(problem, found)
     return Calibration(
-        cell=cell,
-        theta=problem.theta(estimate.x),
-        start=problem.start,
-        estimated=tuple(problem.names),
+        cell=problem.cell,
+        theta=problem.theta(found.x),
+        start=_start(geometry, problem),
+        estimated=tuple(unknowns.names[:count]),
         combinations={
             name: {kept: c * unit[name] / unit[kept] for kept, c in terms.items()}
-            for name, terms in problem.structure.combinations.items()
+            for name, terms in combinations.items()
         },
-        covariance=problem.covariance(estimate.x, estimate.weight),
-        scatter=scatter,
+        covariance=covariance[:count, :count],
+        shared=tuple(
+            SharedValue(shared.name, shared.unit, float(value), float(shared.scale))
+            for shared, value in zip(unknowns.shared, (x * unknowns.scale)[count:], strict=True)
+        ),
+        shared_covariance=covariance[count:],
+        discrepancy=fit.discrepancy(),
+        scatter=deviation,
         scatter_significant=significant,
-        weak=problem.weak(estimate.x, estimate.weight),
-        outliers=_worst(problem.rows, residual, ~estimate.used),
-        fit=summarize(problem.rows.take(estimate.used).distances(residual[estimate.used])),
+        weak=problem.weak(found.x, found.weight),
+        outliers=_worst(problem.rows, residual, ~found.used),
+        fit=summarize(problem.rows.take(found.used).distances(residual[found.used])),
         held_out=None if held_out is None else summarize(held_out),
-        residuals=_residuals(problem, residual, estimate.used),
+        residuals=_residuals(problem.rows, geometry.before, residual, found.used),
         fingerprints=frozenset(fingerprints(problem.rows.q, problem.rows.offset[:, None])),
-        iterations=estimate.iterations,
-        solve_s=estimate.seconds,
-        choice=choice,
-        findings=diagnose(problem, estimate, measured),
-        inputs=dict(inputs or {}),
+        iterations=found.iterations,
+        solve_s=found.seconds,
+        choice=fit.choice,
+        findings=diagnose(problem, found, measured),
+        inputs=dict(inputs),
     )
+
+
+def _start(geometry: Problem, problem: Problem) -> Float[np.ndarray, " parameters"]:
+    """Where the search began, with joint errors of zero beside it."""
+    before = dict(zip(geometry.cell.robot.parameters, geometry.start, strict=True))
+    return np.array([before.get(name, 0.0) for name in problem.cell.robot.parameters])
 
 
 def _worst(rows: Rows, residual: Float[np.ndarray, " rows"], these: Bool[np.ndarray, " rows"]) -> dict[str, float]:
@@ -88,34 +186,10 @@ def _worst(rows: Rows, residual: Float[np.ndarray, " rows"], these: Bool[np.ndar
 
 
 def _residuals(
-    problem: "Problem", after: Float[np.ndarray, " rows"], used: Bool[np.ndarray, " rows"]
+    rows: Rows, before: Float[np.ndarray, " rows"], after: Float[np.ndarray, " rows"], used: Bool[np.ndarray, " rows"]
 ) -> dict[str, Residual]:
     """What every touch said before and after, in the order of the rows."""
-    rows, everywhere = problem.rows, np.ones(len(problem.rows), dtype=bool)
-    was, now = (_worst(rows, r, everywhere) for r in (problem.before, after))
+    everywhere = np.ones(len(rows), dtype=bool)
+    was, now = (_worst(rows, r, everywhere) for r in (before, after))
     kept = {rows.ids[owner] for owner in np.unique(rows.owner[used])}
     return {name: Residual(was[name], now[name], name in kept) for name in rows.ids}
-
-
-def _held_out(
-    problem: Problem, estimate: Estimate, folds: int, rng: np.random.Generator
-) -> Float[np.ndarray, " measured"] | None:
-    """Errors at touches of regions left out of the fit, each in its turn; None where none can be spared."""
-    if folds < 2:
-        return None
-    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(estimate.x))[0]
-    found = [
-        problem.rows.take(out).distances(problem.residual(x)[out])
-        for out, x in _leave_out(problem, estimate, regions(tip, folds, rng))
-    ]
-    return np.concatenate(found) if found else None
-
-
-def _leave_out(
-    problem: Problem, estimate: Estimate, label: Int[np.ndarray, " rows"]
-) -> Iterator[tuple[Bool[np.ndarray, " rows"], Float[np.ndarray, " kept"]]]:
-    for region in np.unique(label):
-        out = (label == region) & estimate.used
-        weight = np.where(out, 0.0, estimate.weight)
-        if out.any() and problem.determined(estimate.x, weight):
-            yield out, problem.solve(estimate.x, weight, "linear").x

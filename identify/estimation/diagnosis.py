@@ -12,7 +12,8 @@ from statistics import NormalDist
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from identify.estimation.problem import Estimate, Problem
+from identify.estimation.problem import Problem
+from identify.estimation.robust import Estimate
 from identify.model.io.calibration_file import Finding
 from identify.model.measurement import Measured
 from identify.model.touch import Positions, Touches

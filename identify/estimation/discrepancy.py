@@ -15,8 +15,9 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.estimation.selection import FREE
+
 LOOSE, GEOMETRY, ERROR = 0, 1, 2  # kinds of unknowns: without a prior, of the drawing, of the joint errors
-FREE = 10.0  # prior deviation of an unknown without a prior, in its scale
 CUT = 0.35  # share of the rows that a fold predicts
 CAP = 25.0  # squared errors beyond it count no more, in variances
 CERTAIN = 10.0  # degrees of freedom that the stated sigma is worth
@@ -133,9 +134,7 @@ def _without(
         yield out, G - own, b - right
 
 
-def _fold_scores(
-    out: Linear, G: np.ndarray, b: np.ndarray
-) -> Float[np.ndarray, "ratios geometries kappas noises"]:
+def _fold_scores(out: Linear, G: np.ndarray, b: np.ndarray) -> Float[np.ndarray, "ratios geometries kappas noises"]:
     """Mean log predictive density of the rows of a fold, given the normal equations of the others, by each model."""
     score = np.empty((len(RATIOS), len(GEOMETRIES), len(KAPPAS), len(NOISES)))
     for j, ratio in enumerate(RATIOS):

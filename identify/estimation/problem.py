@@ -1,8 +1,7 @@
-"""The least squares problem of a cell and its touches: which parameters, what start, what agrees, how it is solved."""
+"""The least squares problem of a cell and its touches: which unknowns, what start, how it is solved."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,17 +18,18 @@ from identify.model.identifiability import (
     sight,
     still_joints,
     structure,
+    visible,
     weak,
 )
-from identify.model.measurement import Rows, measurement_model
+from identify.model.measurement import Rows
+from identify.uncertainty.unknowns import Shared, Unknowns
 
 PART = 8192  # rows handled at a time
-FALSE_ALARM = 0.01  # chance that one of all good touches is called an outlier
-SURE = 0.98  # of the limit of an outlier: closer to it a robust fit decides
+BLIND = 0.01  # [prior deviations] that a direction left out may move the solution
 
 
 def with_face_scatter(cell: Cell, rows: Rows) -> Rows:
-    """Rows whose scatter holds the tolerance of the face: until faces are unknowns here, they count as noise."""
+    """Rows whose scatter holds the tolerance of the face, for estimates in which faces are no unknowns."""
     faces = {} if cell.jig is None else cell.jig.by_name
     tolerance = [faces[name].tolerance if name in faces else 0.0 for name in rows.face]
     return replace(rows, sigma=np.hypot(rows.sigma, tolerance)) if tolerance else rows
@@ -39,77 +39,131 @@ class CalibrationFailed(RuntimeError):
     """The solver did not find an answer; there is no number to give."""
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """An estimate, the rows that it rests on, and what it took."""
-
-    x: Float[np.ndarray, " kept"]
-    used: Bool[np.ndarray, " rows"]
-    weight: Float[np.ndarray, " rows"]  # 1 / (sigma scatter), 0 where not used
-    iterations: int
-    seconds: float
-
-
 @dataclass(eq=False)
 class Problem:
-    """The least squares problem of a cell and its rows; x is the change of the kept parameters from the start."""
+    """Half the squares of the weighted residuals and of the unknowns, over coordinates x in a basis of the unknowns.
+
+    The unknowns, in units of their priors, are origin + basis @ x. With all unknowns the basis is orthonormal and leaves
+    out what no measurement can show of any robot near the drawing: there the most probable value is the prior's. If
+    single parameters are eliminated, as in the paper, the basis holds the others.
+    """
 
     cell: Cell
     rows: Rows
-    start: Float[np.ndarray, " parameters"]
-    structure: Identifiability
+    unknowns: Unknowns
+    origin: Float[np.ndarray, " unknowns"]
+    basis: Float[np.ndarray, "unknowns size"]
+    structure: Identifiability | None  # of single parameters; None: all unknowns
     priors: bool
     loss: str
-    eliminate: bool
+    deviation: Float[np.ndarray, " size"] | None = None  # of the priors of the coordinates, if not the stated ones
 
     @classmethod
-    def pose(cls, cell: Cell, rows: Rows, loss: str, priors: bool, eliminate: bool = True) -> "Problem":
-        """The problem of a cell and its rows; raises InputError where these cannot determine the parameters."""
+    def pose(
+        cls, cell: Cell, rows: Rows, loss: str, priors: bool, eliminate: bool = True, shared: Sequence[Shared] = ()
+    ) -> "Problem":
+        """The problem of a cell and its rows; raises InputError if these cannot determine the unknowns.
+
+        `eliminate` drops single parameters by the structure of the drawing. Without it all unknowns are estimated,
+        those that the measurements share besides the faces among them.
+        """
         if loss not in LOSSES:
             raise InputError(f"loss '{loss}' is not known; choose one of {', '.join(LOSSES)}")
         start = starting_point(cell, rows)
-        still = still_joints(rows)
-        found = structure(cell, start, still, rows.conditions) if eliminate else everything(cell, priors)
-        problem = cls(cell, rows, start, found, priors, loss, eliminate)
+        if eliminate:
+            problem = cls._of_single_parameters(cell, with_face_scatter(cell, rows), start, loss, priors)
+        else:
+            if not priors:
+                everything(cell, priors)
+            problem = cls._of_all(cell, rows, start, loss, shared)
         needed = len(problem.required)
-        if len(rows) < needed:
+        if len(rows) < max(needed, 1):
             raise InputError(
                 f"{len(rows)} equations cannot determine {needed} parameters; make at least "
-                f"{needed - len(rows)} more touches, better {2 * needed - len(rows)}, spread over all faces "
+                f"{max(needed, 1) - len(rows)} more touches, better {2 * needed - len(rows)}, spread over all faces "
                 "and the range of every joint"
             )
-        problem.require_rank(np.zeros(found.rank), 1 / rows.sigma, "at these touches")
+        problem.require_rank(np.zeros(problem.size), 1 / problem.rows.sigma, "at these touches")
         return problem
 
+    @classmethod
+    def _of_single_parameters(
+        cls, cell: Cell, rows: Rows, start: Float[np.ndarray, " parameters"], loss: str, priors: bool
+    ) -> "Problem":
+        """The paper's problem: parameters that the drawing makes dependent are dropped, faces are noise."""
+        found = structure(cell, start, still_joints(rows), rows.conditions)
+        unknowns = Unknowns(cell, np.array(found.kept, dtype=int))
+        origin = (start - cell.theta)[unknowns.parameters] / unknowns.scale
+        return cls(cell, rows, unknowns, origin, np.eye(len(unknowns)), found, priors, loss)
+
+    @classmethod
+    def _of_all(
+        cls, cell: Cell, rows: Rows, start: Float[np.ndarray, " parameters"], loss: str, shared: Sequence[Shared]
+    ) -> "Problem":
+        """All unknowns, in the directions that measurements can show."""
+        unknowns = Unknowns.of(cell, further=shared)
+        some = unknowns.parameters
+        origin = np.zeros(len(unknowns))
+        origin[: len(some)] = (start - cell.theta)[some] / unknowns.scale[: len(some)]
+        basis = np.eye(len(unknowns))
+        if not cell.bounds:
+            seen = visible(cell, start, some, still_joints(rows), rows.conditions, bool(rows.radius.any()))
+            basis = np.zeros((len(unknowns), seen.shape[1] + len(unknowns.shared)))
+            basis[: len(some), : seen.shape[1]] = seen
+            basis[len(some) :, seen.shape[1] :] = np.eye(len(unknowns.shared))
+        return cls(cell, rows, unknowns, origin, basis, None, True, loss)
+
     def __post_init__(self) -> None:
-        self.model = measurement_model(self.cell.robot)
+        self.size = self.basis.shape[1]
+        self._plain = self.basis.shape[0] == self.size and np.array_equal(self.basis, np.eye(self.size))
         self._residual_at = np.full(1, np.nan), np.empty(0)
         self._freedom_at = b"", 0.0
         self._linearized_at: tuple[np.ndarray, tuple[Part, ...]] = np.full(1, np.nan), ()
-        self.kept = np.array(self.structure.kept, dtype=int)
-        self.names = [self.structure.names[i] for i in self.kept]
-        fitted = np.isinf(self.cell.prior[self.kept])
-        self.prior = np.where(fitted | (not self.priors), np.inf, self.cell.scale[self.kept])
-        beyond = {name for name, _, _ in self.cell.robot.error_parameters if self.priors}
-        required = [self.eliminate and name not in beyond for name in self.names]  # the priors hold the others
-        self.required = np.flatnonzero(required)
+        held = (self.unknowns.precision[:, None] * np.abs(self.basis)).sum(axis=0) > 0
+        stated = np.where(held & self.priors, 1.0, np.inf)
+        self.prior = stated if self.deviation is None else self.deviation  # of the coordinates
+        self.required = np.flatnonzero(self._required())
         self.objective = Objective(self.linearized, self.prior, 1 / self.rows.sigma)
         lower, upper = self._bounds()
-        self.solver = LeastSquares(self.objective, np.zeros(len(self.kept)), lower, upper)
-        self.before = self.residual(np.zeros(len(self.kept)))  # [mm], of the start
+        self.solver = LeastSquares(self.objective, np.zeros(self.size), lower, upper)
+        self.before = self.residual(np.zeros(self.size))  # [mm], of the start
 
-    def _bounds(self) -> tuple[Float[np.ndarray, " kept"], Float[np.ndarray, " kept"]]:
-        bounds = [self.cell.bounds.get(name, (-np.inf, np.inf)) for name in self.names]
-        lower, upper = (np.array(side) - self.start[self.kept] for side in zip(*bounds, strict=True))
-        return lower, upper
+    def _required(self) -> Bool[np.ndarray, " size"]:
+        """Coordinates that the rows have to determine: priors do not."""
+        if self.structure is None:
+            return np.isinf(self.prior)
+        beyond = {name for name, _, _ in self.cell.robot.error_parameters if self.priors}
+        return np.array([name not in beyond for name in self.unknowns.names], dtype=bool)
 
-    def theta(self, x: Float[np.ndarray, " kept"]) -> Float[np.ndarray, " parameters"]:
-        """All parameters [mm, rad]."""
-        theta = self.start.copy()
-        theta[self.kept] += x
-        return theta
+    def _bounds(self) -> tuple[Float[np.ndarray, " size"], Float[np.ndarray, " size"]]:
+        if not self.cell.bounds:
+            return np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        bounds = [self.cell.bounds.get(name, (-np.inf, np.inf)) for name in self.unknowns.names]
+        zero = np.concatenate([self.cell.theta[self.unknowns.parameters], np.zeros(len(self.unknowns.shared))])
+        lower, upper = ((np.array(side) - zero) / self.unknowns.scale for side in zip(*bounds, strict=True))
+        return lower - self.origin, upper - self.origin
 
-    def linearized(self, x: Float[np.ndarray, " kept"]) -> Iterable[Part]:
+    @property
+    def start(self) -> Float[np.ndarray, " parameters"]:
+        """Parameters from which the search begins [mm, rad]."""
+        return self.theta(np.zeros(self.size))
+
+    def unknown(self, x: Float[np.ndarray, " size"]) -> Float[np.ndarray, " unknowns"]:
+        """All unknowns at coordinates, in units of their priors."""
+        return self.origin + (x if self._plain else self.basis @ x)
+
+    def coordinates(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " size"]:
+        """Coordinates of a robot [mm, rad], for a search to begin there; what measurements share is as on the drawing."""
+        some = self.unknowns.parameters
+        x = np.zeros(len(self.unknowns))
+        x[: len(some)] = (theta - self.cell.theta)[some] / self.unknowns.scale[: len(some)]
+        return self.basis.T @ (x - self.origin)
+
+    def theta(self, x: Float[np.ndarray, " size"]) -> Float[np.ndarray, " parameters"]:
+        """All parameters of the robot [mm, rad]."""
+        return self.unknowns.theta(self.unknown(x))
+
+    def linearized(self, x: Float[np.ndarray, " size"]) -> Iterable[Part]:
         """Residuals and their Jacobian, part by part: memory stays bounded whatever the number of touches."""
         if len(self.rows) > PART:
             return self._parts(x)
@@ -117,49 +171,52 @@ class Problem:
             self._linearized_at = x.copy(), tuple(self._parts(x))
         return self._linearized_at[1]
 
-    def _parts(self, x: Float[np.ndarray, " kept"]) -> Iterator[Part]:
-        theta, whole, every = self.theta(x), len(self.rows) <= PART, len(self.kept) == len(self.start)
+    def _parts(self, x: Float[np.ndarray, " size"]) -> Iterator[Part]:
+        everything, whole = self.unknown(x), len(self.rows) <= PART
         for start in range(0, len(self.rows), PART):
             part = slice(start, min(start + PART, len(self.rows)))
             rows = self.rows if whole else self.rows.take(np.arange(part.start, part.stop))
-            r, J = self.model.linearize(theta, rows)
-            yield part, r, J if every else J[:, self.kept]
+            r, J = self.unknowns.linearize(everything, rows)
+            yield part, r, J if self._plain else J @ self.basis
 
-    def residual(self, x: Float[np.ndarray, " kept"]) -> Float[np.ndarray, " rows"]:
+    def residual(self, x: Float[np.ndarray, " size"]) -> Float[np.ndarray, " rows"]:
         """What is left of every row [mm]."""
         if not np.array_equal(x, self._residual_at[0]):
             self._residual_at = x.copy(), np.concatenate([r for _, r, _ in self.linearized(x)])
         return self._residual_at[1]
 
-    def weak(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> tuple[str, ...]:
-        """Parameters in directions that the touches see less well than the priors do."""
-        scale = self.cell.scale[self.kept]
-        G = sum((J.T * weight[part] ** 2) @ J for part, _, J in self.linearized(x)) * np.outer(scale, scale)
-        return weak(G, self.names)
+    def weak(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> tuple[str, ...]:
+        """Unknowns in directions that the touches see less well than the priors do."""
+        G = sum((J.T * weight[part] ** 2) @ J for part, _, J in self.linearized(x))
+        return weak(self.basis @ G @ self.basis.T, self.unknowns.names)
 
-    def geometry(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Sight:
+    def geometry(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> Sight:
         """What the touches see of the parameters that they have to determine."""
-        return sight(self._triangle(x, weight)[:, self.required], [self.names[i] for i in self.required])
+        R = self._triangle(x, weight)
+        if self.structure is None:
+            loose = np.flatnonzero(self.unknowns.precision == 0)
+            return sight(R @ self.basis.T[:, loose], [self.unknowns.names[i] for i in loose])
+        return sight(R[:, self.required], [self.unknowns.names[i] for i in self.required])
 
     def _triangle(
-        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
-    ) -> Float[np.ndarray, "order kept"]:
-        R = np.empty((0, len(self.kept)))
+        self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]
+    ) -> Float[np.ndarray, "order size"]:
+        R = np.empty((0, self.size))
         for part, _, J in self.linearized(x):
             R = np.asarray(np.linalg.qr(np.vstack([R, J * weight[part, None]]), mode="r"))
-        return R * self.cell.scale[self.kept]
+        return R
 
-    def require_rank(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"], where: str) -> None:
-        """Raise InputError, naming what suffers and what to add, where the touches do not determine every parameter."""
+    def require_rank(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"], where: str) -> None:
+        """Raise InputError, naming what suffers and what to add, if the touches do not determine what they have to."""
         if not self.determined(x, weight):
             seen = self.geometry(x, weight)
             raise InputError(
-                f"{where}, {len(self.required) - seen.rank} of {len(self.required)} directions are not seen: "
-                f"{', '.join(seen.lost)} cannot be told apart; {_cure(self.rows)}"
+                f"{where}, {len(self.required) - min(seen.rank, len(self.required))} of {len(self.required)} "
+                f"directions are not seen: {', '.join(seen.lost)} cannot be told apart; {_cure(self.rows)}"
             )
 
-    def determined(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> bool:
-        """Whether rows with these weights determine the parameters that they have to."""
+    def determined(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> bool:
+        """Whether rows with these weights determine the coordinates that they have to."""
         needed = len(self.required)
         if needed == 0:
             return True
@@ -167,24 +224,27 @@ class Problem:
             int(np.count_nonzero(weight)) >= needed and rank_of(self._triangle(x, weight)[:, self.required]) == needed
         )
 
-    def precision(
-        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
-    ) -> Float[np.ndarray, "kept kept"]:
-        """Inverse covariance of the kept parameters, priors included."""
+    def precision(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> Float[np.ndarray, "s s"]:
+        """Inverse covariance of the coordinates, priors included."""
         self.objective.reweigh(weight, "linear")
         return self.objective.at(x)[2].copy()
 
-    def covariance(
-        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
-    ) -> Float[np.ndarray, "kept kept"]:
-        """Covariance of the kept parameters, inverted in units of their own: lengths and ratios lie far apart."""
+    def covariance(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> Float[np.ndarray, "s s"]:
+        """Covariance of the coordinates, inverted in units of their own: some are seen far better than others."""
         P = self.precision(x, weight)
         unit = 1 / np.sqrt(np.diag(P))
         C = np.linalg.inv(P * np.outer(unit, unit)) * np.outer(unit, unit)
         return np.asarray((C + C.T) / 2)
 
-    def solve(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"], loss: str) -> Solution:
-        """Minimise from x; raises CalibrationFailed with Ipopt's own word where it does not converge."""
+    def of_unknowns(self, C: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Covariance of all unknowns, in units of their priors; in directions left out it is that of the prior."""
+        if self._plain:
+            return C
+        out = np.diag(self.unknowns.precision) * (np.eye(len(self.unknowns)) - self.basis @ self.basis.T)
+        return self.basis @ C @ self.basis.T + out
+
+    def solve(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"], loss: str) -> Solution:
+        """Minimise from x; raises CalibrationFailed with Ipopt's own word if it does not converge."""
         self.objective.reweigh(weight, loss)
         solution = self.solver.solve(x)
         if not solution.converged or not np.isfinite(solution.x).all():
@@ -194,115 +254,23 @@ class Problem:
             )
         return solution
 
-    def estimate(self, start: Float[np.ndarray, " parameters"] | None = None) -> Estimate:
-        """Least squares on the touches that agree: a robust fit finds those that do not, and they are left out."""
-        weight, used = 1 / self.rows.sigma, np.ones(len(self.rows), dtype=bool)
-        x = np.zeros(len(self.kept)) if start is None else (start - self.start)[self.kept]
-        solutions, weighed = [self._first(x, weight)], weight
-        near, unanimous = self._foreseen(solutions[-1].x, weight)
-        if not unanimous:
-            for _ in range(6):
-                scale = self._scale(solutions[-1].x, used)
-                solutions.append(self.solve(near, weight / scale, self.loss))
-                near = solutions[-1].x
-                agreeing = self._agreeing(solutions[-1].x, weight / self._scale(solutions[-1].x, used))
-                weighed = np.zeros_like(weight)  # by no plain fit
-                if np.array_equal(agreeing, used):
-                    break
-                used = agreeing
-        for _ in range(2):  # the scatter sets how much the priors weigh, and the priors change the scatter a little
-            final = weight * used / max(self._deviation(solutions[-1].x, used), 1.0)
-            if np.array_equal(final, weighed):
-                break
-            solutions.append(self.solve(solutions[-1].x, final, "linear"))
-            weighed = final
-        iterations, seconds = sum(s.iterations for s in solutions), sum(s.seconds for s in solutions)
-        return Estimate(solutions[-1].x, used, weighed, iterations, seconds)
+    def is_stationary(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> bool:
+        """Whether x is the minimum over all unknowns: in directions left out, no row has a say at the solution."""
+        if self._plain:
+            return True
+        gradient = np.zeros(len(self.unknowns))
+        for start in range(0, len(self.rows), PART):
+            part = slice(start, min(start + PART, len(self.rows)))
+            r, J = self.unknowns.linearize(self.unknown(x), self.rows.take(np.arange(part.start, part.stop)))
+            gradient += J.T @ (weight[part] ** 2 * r)
+        left = gradient - self.basis @ (self.basis.T @ gradient)
+        return bool(np.abs(left * self.unknowns.precision).max() < BLIND)
 
-    def _first(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Solution:
-        """Plain least squares; where touches far from all others keep these from an end, the robust loss at once."""
-        try:
-            return self.solve(x, weight, "linear")
-        except CalibrationFailed:
-            if self.loss == "linear":
-                raise
-            return self.solve(x, weight, self.loss)
-
-    def _foreseen(
-        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]
-    ) -> tuple[Float[np.ndarray, " kept"], bool]:
-        """Where a robust fit will end, by the equations as they are near a plain one, linear; whether all agree there.
-
-        If they clearly do, the robust fit of the equations themselves need not be made.
-        """
-        if self.loss == "linear":
-            return x, True
-        if len(self.rows) > PART:
-            return x, False
-        ((part, r, J),) = self.linearized(x)
-        everyone = np.ones(len(r), dtype=bool)
-        scaled = weight / self._scale(x, everyone)
-        y = self.solver.near(Objective(lambda y: [(part, r + J @ (y - x), J)], self.prior, scaled, self.loss), x)
-        if y is None:
-            return x, False
-        left = r + J @ (y - x)
-        sizes = self._sizes(x, weight / self._scale(x, everyone, left), left)
-        return y, bool((sizes <= SURE * self._limit).all())
-
-    def _scale(
-        self, x: Float[np.ndarray, " kept"], used: Bool[np.ndarray, " rows"],
-        residual: Float[np.ndarray, " rows"] | None = None,
-    ) -> float:  # fmt: skip
-        """Robust scatter in units of sigma, at least 1: the median absolute residual, corrected for the parameters."""
-        r = ((self.residual(x) if residual is None else residual) / self.rows.sigma)[used]
-        freedom = max(self.freedom(x, used / self.rows.sigma), 1)
-        return max(1.0, 1.4826 * float(np.median(np.abs(r))) * np.sqrt(len(r) / freedom))
-
-    def _agreeing(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
-        """Rows of touches whose residual is within what chance makes of a good touch, leverage considered."""
-        return (self._sizes(x, weight) <= self._limit)[self.rows.owner]
-
-    @property
-    def _limit(self) -> float:
-        return NormalDist().inv_cdf(1 - FALSE_ALARM / (2 * len(self.rows)))
-
-    def _sizes(
-        self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"],
-        residual: Float[np.ndarray, " rows"] | None = None,
-    ) -> Float[np.ndarray, " measured"]:  # fmt: skip
-        """The largest residual of each touch in units of what chance makes of a good one, leverage considered."""
-        C, size = self.covariance(x, weight), np.empty(len(self.rows))
-        for part, r, J in self.linearized(x):
-            w = weight[part]
-            leverage = w**2 * ((J @ C) * J).sum(axis=1)
-            size[part] = np.abs(r if residual is None else residual[part]) * w / np.sqrt(np.clip(1 - leverage, 0.05, 1))
-        worst = np.zeros(len(self.rows.ids))
-        np.maximum.at(worst, self.rows.owner, size)
-        return worst
-
-    def _deviation(self, x: Float[np.ndarray, " kept"], used: Bool[np.ndarray, " rows"]) -> float:
-        """Root of chi-square a degree of freedom, in units of sigma."""
-        r = (self.residual(x) / self.rows.sigma)[used]
-        return float(np.sqrt(r @ r / max(self.freedom(x, used / self.rows.sigma), 1)))
-
-    def freedom(self, x: Float[np.ndarray, " kept"], weight: Float[np.ndarray, " rows"]) -> float:
-        """Rows in use less the parameters that they, and not the priors, determine."""
-        asked = x.tobytes() + weight.tobytes()
-        if asked != self._freedom_at[0]:
-            determined = float(len(self.kept))
-            if len(self.required) < len(self.kept):
-                determined -= float(np.diag(np.linalg.inv(self.precision(x, weight))) @ (1 / self.prior**2))
-            self._freedom_at = asked, np.count_nonzero(weight) - determined
-        return self._freedom_at[1]
-
-    def scatter(self, estimate: Estimate) -> tuple[float, bool]:
-        """Scatter in units of sigma, and whether chance explains its distance from 1 (Wilson and Hilferty 1931)."""
-        freedom = self.freedom(estimate.x, estimate.weight)
-        scatter = self._deviation(estimate.x, estimate.used)
-        if freedom < 1:
-            return scatter, False
-        normal = (scatter ** (2 / 3) - (1 - 2 / (9 * freedom))) / np.sqrt(2 / (9 * freedom))
-        return scatter, bool(abs(normal) > NormalDist().inv_cdf(0.995))
+    def complete(self) -> "Problem":
+        """The same problem without a direction left out."""
+        loose = self.unknowns.precision == 0
+        basis = np.hstack([self.basis[:, ~np.isfinite(self.prior)], np.eye(len(loose))[:, ~loose]])
+        return replace(self, basis=basis)
 
 
 def _cure(rows: Rows) -> str:

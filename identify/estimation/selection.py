@@ -16,15 +16,18 @@ from jaxtyping import Bool, Float, Int
 
 from identify.estimation.folds import regions
 from identify.estimation.least_squares import LOSSES
-from identify.estimation.problem import Problem
+from identify.estimation.problem import PART, Problem
+from identify.estimation.robust import estimate
 from identify.model.cell import Cell
 from identify.model.errors import ERROR_MODELS
 from identify.model.io.calibration_file import Term
-from identify.model.measurement import Rows, measurement_model
+from identify.model.measurement import Rows
 from identify.model.robot import Robot
+from identify.uncertainty.unknowns import Unknowns
 
 FOLDS = 5
 BELIEVED = 2.0  # logarithm of the odds for a model: seven to one, no more than "positive" (Kass and Raftery 1995)
+FREE = 10.0  # prior deviation of an unknown without a prior, in its scale
 ROUNDS = 20  # of reweighing, to find touches that no model explains
 
 
@@ -92,12 +95,8 @@ class Linear:
 
 def select(problem: Problem, rng: np.random.Generator, folds: int = FOLDS) -> Selection:
     """Choose the error models of a robot by a problem posed for its geometry; those it has already stay."""
-    start = problem.estimate()
-    robot, rows = problem.cell.robot, problem.rows
-    linear, unit = _linear(problem, start.x, rng, folds)
-    used = unit > 0
-    offered = [name for name in ERROR_MODELS if name not in robot.errors and linear.shows(name)]
-    return choose(linear, rows.owner[used], 1 / unit[used], offered)
+    extended = extend(problem, estimate(problem).x, tuple(ERROR_MODELS))
+    return extended.selection(extended.unit(), rng, folds)
 
 
 def choose(
@@ -159,31 +158,74 @@ def _distances(owner: np.ndarray, residual: np.ndarray) -> Float[np.ndarray, " m
     return np.asarray(np.sqrt(np.bincount(place, residual**2)))
 
 
-def _linear(
-    problem: Problem, x: Float[np.ndarray, " kept"], rng: np.random.Generator, folds: int
-) -> tuple[Linear, Float[np.ndarray, " rows"]]:
-    """All models about the geometric solution, in rows that some model explains; and one over the unit of all rows."""
-    cell = with_errors(problem.cell, tuple(ERROR_MODELS))
-    robot, rows, bare = cell.robot, problem.rows, problem.cell.robot
-    theta = cell.theta.copy()
-    place = np.array([robot.parameters.index(name) for name in bare.parameters])
-    theta[place] = problem.theta(x)
-    r, J = measurement_model(robot).linearize(theta, rows)
-    A = J * cell.scale
-    kept = place[problem.kept]
-    models = {name: tuple(robot.parameters.index(p) for p, _, m in robot.error_parameters if m == name)
-              for name in ERROR_MODELS}  # fmt: skip
-    y = -r + A[:, kept] @ (x / cell.scale[kept])
-    precision = np.ones(len(theta))
-    precision[kept] = (cell.scale[kept] / problem.prior) ** 2
-    every = sorted({*kept.tolist(), *(i for m in models.values() for i in m)})
-    unit = _unit(A[:, every], y, precision[every], 1 / rows.sigma, rows)
-    used = unit > 0
-    tip = cell.kinematics.tip(rows.q, theta)[0]
-    fold = regions(tip[used], folds, rng)
-    geometric = [*kept.tolist(), *(i for name in bare.errors for i in models[name] if i not in kept)]
-    weighted = A[used] * unit[used, None]
-    return Linear(weighted, y[used] * unit[used], precision, tuple(geometric), models, fold), unit
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """A problem about a solution, linear, with the joint errors of more models: y = A x, in units of sigma.
+
+    Unknowns without a prior are counted from the solution, all others from the drawing.
+    """
+
+    unknowns: Unknowns
+    at: Float[np.ndarray, " unknowns"]  # where the rows are taken, in units of the priors
+    precision: Float[np.ndarray, " unknowns"]  # of the priors
+    rows: Rows
+    A: Float[np.ndarray, "rows unknowns"]
+    y: Float[np.ndarray, " rows"]
+    bare: Cell
+
+    def columns(self) -> tuple[tuple[int, ...], dict[str, tuple[int, ...]]]:
+        """Columns of the robot as it was and of what measurements share, and those of each further error model."""
+        further = {name: model for name, _, model in self.unknowns.cell.robot.error_parameters
+                   if model not in self.bare.robot.errors}  # fmt: skip
+        names = self.unknowns.names
+        own = tuple(i for i, name in enumerate(names) if name not in further)
+        return own, {
+            model: tuple(i for i, name in enumerate(names) if further.get(name) == model)
+            for model in dict.fromkeys(further.values())
+        }
+
+    @property
+    def held(self) -> Float[np.ndarray, " unknowns"]:
+        """Precision of the priors; that of unknowns without one is so small that it holds only what nothing shows."""
+        return np.where(self.precision > 0, self.precision, FREE**-2)
+
+    def unit(self) -> Float[np.ndarray, " rows"]:
+        """One over the scatter of each row as the richest model leaves it, in units of sigma; 0 for outliers."""
+        return _unit(self.A, self.y, self.held, np.ones(len(self.y)), self.rows)
+
+    def selection(self, unit: Float[np.ndarray, " rows"], rng: np.random.Generator, folds: int = FOLDS) -> Selection:
+        """The error models that help in regions held out, and what each buys."""
+        used, (own, models) = unit > 0, self.columns()
+        tip = self.unknowns.cell.kinematics.tip(self.rows.q[used], self.unknowns.theta(self.at))[0]
+        A, y = self.A[used] * unit[used, None], self.y[used] * unit[used]
+        linear = Linear(A, y, self.held, own, models, regions(tip, folds, rng))
+        offered = [name for name in models if linear.shows(name)]
+        return choose(linear, self.rows.owner[used], self.rows.sigma[used] / unit[used], offered)
+
+
+def extend(problem: Problem, x: Float[np.ndarray, " size"], errors: Sequence[str]) -> Extended:
+    """A problem about the coordinates of a solution, with the unknowns of further error models beside its own."""
+    cell = with_errors(problem.cell, errors)
+    before = dict(zip(problem.unknowns.names, problem.unknown(x), strict=True))
+    names = {*before, *(name for name, _, _ in cell.robot.error_parameters)} - problem.cell.fixed
+    some = [i for i, name in enumerate(cell.robot.parameters) if name in names]
+    unknowns = Unknowns(cell, np.array(some), problem.unknowns.shared)
+    at = np.array([before.get(name, 0.0) for name in unknowns.names])
+    beyond = {name for name, _, _ in cell.robot.error_parameters}
+    held = np.array([problem.priors or name in beyond for name in unknowns.names])
+    none = np.empty(0)
+    start = Extended(unknowns, at, unknowns.precision * held, problem.rows, none[:, None], none, problem.cell)
+    return relinearized(start, at)
+
+
+def relinearized(extended: Extended, at: Float[np.ndarray, " unknowns"]) -> Extended:
+    """The same problem with its rows taken at other unknowns."""
+    unknowns, rows, precision = extended.unknowns, extended.rows, extended.precision
+    parts = [slice(k, k + PART) for k in range(0, len(rows), PART)]
+    taken = [unknowns.linearize(at, rows.take(np.arange(len(rows))[part])) for part in parts]
+    r, A = np.concatenate([r for r, _ in taken]) / rows.sigma, np.concatenate([J for _, J in taken])
+    A /= rows.sigma[:, None]
+    return replace(extended, at=at, A=A, y=A @ (at * precision) - r)
 
 
 def with_errors(cell: Cell, errors: Sequence[str]) -> Cell:

@@ -83,6 +83,49 @@ def structure(
     )
 
 
+def visible(
+    cell: Cell,
+    theta: Float[np.ndarray, " parameters"],
+    some: Int[np.ndarray, " some"],
+    still: Mapping[int, float] | None = None,
+    made: Float[np.ndarray, "rows conditions"] | None = None,
+    leaning: bool = False,
+) -> Float[np.ndarray, "some directions"]:
+    """An orthonormal basis of the directions of some parameters that measurements can show of robots near the drawing.
+
+    Parameters are in units of their priors. The Jacobian is taken at generic poses, each of another robot drawn from the
+    priors, because axes that are parallel on the drawing are not on a robot as built; `leaning` says that the wire has a
+    flat end, which shows the tilt of the tool. What nothing shows keeps the most probable value of the prior. Columns
+    without a prior have a basis of their own, and what they can make up for is not shown of the others.
+    """
+    robot, rng = cell.robot, np.random.default_rng(1)
+    q = rng.uniform(robot.lower, robot.upper, (POSES * len(robot.parameters), len(robot.joints)))
+    for joint, value in (still or {}).items():
+        q[:, joint] = value
+    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(made, q.shape, rng), 3, axis=0))
+    if leaning:
+        normal = rng.standard_normal(poses.normal.shape)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        poses = replace(poses, normal=normal, radius=np.ones(len(normal)))
+    built = np.repeat(theta + cell.spread * rng.standard_normal((len(q), len(theta))), 3, axis=0)
+    _, J = measurement_model(robot).linearize(built, poses)
+    loose = np.isinf(cell.prior[some])
+    R = np.asarray(np.linalg.qr((J * cell.scale)[:, some], mode="r"))
+    free, explained = _row_space(R[:, loose])
+    held, _ = _row_space(R[:, ~loose] - explained @ (explained.T @ R[:, ~loose]))
+    basis = np.zeros((len(some), free.shape[1] + held.shape[1]))
+    basis[np.ix_(loose, np.arange(free.shape[1]))] = free
+    basis[np.ix_(~loose, np.arange(free.shape[1], basis.shape[1]))] = held
+    return basis
+
+
+def _row_space(A: Float[np.ndarray, "rows columns"]) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal bases of the row space and of the column space of a matrix."""
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    seen = s > TOLERANCE * s.max(initial=0.0)
+    return Vt[seen].T, U[:, seen]
+
+
 def everything(cell: Cell, priors: bool = True) -> Identifiability:
     """All parameters that are not fixed; raises InputError where there is no tolerance to hold one of them."""
     names = cell.robot.parameters

@@ -259,7 +259,7 @@ class _Loop:
         assert self.belief is not None
         if len(good) >= self.enough:
             try:
-                found = calibrate(self.cell, good, eliminate=False, start=self.belief.theta)
+                found = calibrate(self.cell, good, start=self.belief.theta)
                 self._assured = assurance(self.cell, found, good)
                 return found, self._assured.promised()
             except InputError:  # so many, and still not of full rank

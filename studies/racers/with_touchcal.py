@@ -49,7 +49,7 @@ def measured(problem: Problem) -> Touches | Positions:
 def full(problem: Problem) -> Problem:
     """A calibration with everything that the file of one holds, but for regions held out."""
     cell = cell_of(problem)
-    found = calibrate(cell, measured(problem), folds=0, eliminate=cell.base is None)
+    found = calibrate(cell, measured(problem), folds=0, parameters="identifiable" if cell.base is None else "all")
     return {"tip": cell.kinematics.tip(problem["q_unseen"], found.theta)[0]}
 
 
@@ -57,7 +57,7 @@ def alone(problem: Problem) -> Problem:
     """One least-squares fit and nothing else: what the others do."""
     cell = cell_of(problem)
     fit = FitProblem.pose(cell, rows(cell.wire, [measured(problem)]), "linear", True, cell.base is None)
-    found = fit.solve(np.zeros(len(fit.kept)), 1 / fit.rows.sigma, "linear")
+    found = fit.solve(np.zeros(fit.size), 1 / fit.rows.sigma, "linear")
     return {"tip": cell.kinematics.tip(problem["q_unseen"], fit.theta(found.x))[0]}
 
 

@@ -17,6 +17,10 @@ from identify.model.cell import Cell
 from identify.model.files import InputError, Mistake, read_text, write_text
 from identify.model.io.entries import cell_entry, cell_from_entry
 
+FORMAT = 2  # of calibration.json; a file without a number is of the first version
+FACE = "face."  # before the name of a face in the name of its offset
+UNITS = {"mm": 1.0, "deg": np.pi / 180}
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -64,6 +68,25 @@ class Finding:
     ids: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class SharedValue:
+    """What several measurements share, as it was estimated: the offset of a face, the length of a wire."""
+
+    name: str
+    unit: Literal["mm", "deg"]
+    value: float  # [mm] or [rad]
+    scale: float  # [mm] or [rad], 1 sigma of the prior
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """How far this arm is from what was stated: factors on the noise and on the priors."""
+
+    noise: float  # of the rows, in units of the stated sigma
+    geometry: float = 1.0  # on the priors of base, tool and links
+    errors: float = 1.0  # on the priors of the joint errors
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A robot identified: its parameters, their covariance, and how far to trust them."""
@@ -87,6 +110,12 @@ class Calibration:
     choice: tuple[Term, ...] = ()  # of the error models, where the data chose them
     findings: tuple[Finding, ...] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of the files it was made from
+    shared: tuple[SharedValue, ...] = ()  # beside the parameters
+    shared_covariance: Float[np.ndarray, "shared unknowns"] = field(  # rows of the joint covariance [mm, rad]
+        default_factory=lambda: np.empty((0, 0))
+    )
+    discrepancy: Discrepancy | None = None  # None: of a file of the first version
+    promise: Mapping[str, float] | None = None  # rms_mm and p95_mm in the weld zone; None if there is no zone
 
     @cached_property
     def index(self) -> list[int]:
@@ -99,6 +128,26 @@ class Calibration:
         sigma = np.zeros(len(self.theta))
         sigma[self.index] = np.sqrt(np.diag(self.covariance))
         return sigma
+
+    @property
+    def noise(self) -> float:
+        """Scatter of a measurement in units of its stated sigma."""
+        if self.discrepancy is not None:
+            return self.discrepancy.noise
+        return max(1.0, self.scatter if self.scatter_significant else 1.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all that was estimated: parameters, then what measurements share."""
+        return (*self.estimated, *(shared.name for shared in self.shared))
+
+    @cached_property
+    def joint_covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Covariance of the estimated parameters and of what measurements share [mm, rad]."""
+        if not self.shared:
+            return self.covariance
+        across = self.shared_covariance[:, : len(self.estimated)]
+        return np.block([[self.covariance, across.T], [self.shared_covariance]])
 
     def status(self, name: str) -> Literal["estimated", "eliminated", "fixed"]:
         """What became of a parameter."""
@@ -132,9 +181,24 @@ class _Parameter(_Strict):
     combination: dict[str, float]
 
 
+class _Face(_Strict):
+    name: str
+    offset_mm: float
+    sigma: float
+
+
+class _Shared(_Strict):
+    name: str
+    unit: Literal["mm", "deg"]
+    value: float
+    sigma: float
+    prior: float
+
+
 class _File(_Strict):
     """calibration.json."""
 
+    format: Literal[1, 2] = 1
     touchcal: str
     inputs: dict[str, str]
     cell: dict[str, Any]
@@ -153,6 +217,10 @@ class _File(_Strict):
     choice: list[Term] = []
     findings: list[Finding] = []
     sources: dict[str, str]
+    faces: list[_Face] = []
+    shared: list[_Shared] = []
+    discrepancy: Discrepancy | None = None
+    promise: dict[str, float] | None = None
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
@@ -165,19 +233,25 @@ def calibration_entry(c: Calibration) -> dict[str, Any]:
     unit = c.cell.robot.parameter_unit()
     robot = c.cell.robot
     columns = zip(robot.parameters, robot.units, c.start / unit, c.theta / unit, c.sigma / unit, strict=True)
-    scale = unit[c.index]
+    scale = np.concatenate([unit[c.index], [UNITS[shared.unit] for shared in c.shared]])
+    C = (c.joint_covariance + c.joint_covariance.T) / 2 / np.outer(scale, scale)
+    parameters = [
+        _Parameter(
+            name=name, unit=unit_name, nominal=float(nominal), value=float(value), sigma=float(sigma),
+            status=c.status(name), combination=dict(c.combinations.get(name, {})),
+        )
+        for name, unit_name, nominal, value, sigma in columns
+    ]  # fmt: skip
     return {
+        "format": FORMAT,
         "touchcal": version("touchcal"),
         "inputs": dict(c.inputs),
         "cell": cell_entry(c.cell),
-        "parameters": [
-            {
-                "name": name, "unit": unit_name, "nominal": float(nominal), "value": float(value),
-                "sigma": float(sigma), "status": c.status(name), "combination": dict(c.combinations.get(name, {})),
-            }
-            for name, unit_name, nominal, value, sigma in columns
-        ],
-        "covariance": ((c.covariance + c.covariance.T) / 2 / np.outer(scale, scale)).tolist(),  # rounding is not
+        "parameters": [parameter.model_dump() for parameter in parameters],
+        "covariance": C.tolist(),
+        **_shared_entry(c, np.sqrt(np.diag(C))[len(c.estimated) :]),
+        "discrepancy": None if c.discrepancy is None else asdict(c.discrepancy),
+        "promise": None if c.promise is None else dict(c.promise),
         "scatter": c.scatter,
         "scatter_significant": c.scatter_significant,
         "fit": asdict(c.fit),
@@ -191,11 +265,26 @@ def calibration_entry(c: Calibration) -> dict[str, Any]:
         "choice": [asdict(term) for term in c.choice],
         "findings": [asdict(finding) for finding in c.findings],
         "sources": dict(c.cell.sources),
-    }  # fmt: skip
+    }
+
+
+def _shared_entry(c: Calibration, sigma: Float[np.ndarray, " shared"]) -> dict[str, list[dict[str, Any]]]:
+    """What measurements share, in file units; the offsets of faces once more by the names of the faces."""
+    values = [shared.value / UNITS[shared.unit] for shared in c.shared]
+    shared = [
+        _Shared(name=s.name, unit=s.unit, value=value, sigma=float(deviation), prior=s.scale / UNITS[s.unit])
+        for s, value, deviation in zip(c.shared, values, sigma, strict=True)
+    ]
+    faces = [
+        _Face(name=s.name.removeprefix(FACE), offset_mm=s.value, sigma=s.sigma)
+        for s in shared
+        if s.name.startswith(FACE) and s.name.removeprefix(FACE) in (c.cell.jig.by_name if c.cell.jig else {})
+    ]
+    return {"faces": [face.model_dump() for face in faces], "shared": [entry.model_dump() for entry in shared]}
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read calibration.json; raises InputError where it is not one."""
+    """Read calibration.json, of this version or of the first; raises InputError if it is not one."""
     text = read_text(path)
     try:
         file = _File.model_validate_json(text)
@@ -210,15 +299,21 @@ def read_calibration(path: Path) -> Calibration:
         raise _wrong(path, "its parameters are not those of its robot")
     unit = cell.robot.parameter_unit()
     estimated = tuple(p.name for p in file.parameters if p.status == "estimated")
-    scale = unit[[p.status == "estimated" for p in file.parameters]]
-    covariance = _covariance(path, file.covariance, len(estimated))
+    own = unit[[p.status == "estimated" for p in file.parameters]]
+    scale = np.concatenate([own, [UNITS[shared.unit] for shared in file.shared]])
+    covariance = _covariance(path, file.covariance, len(scale)) * np.outer(scale, scale)
     return Calibration(
         cell=cell,
         theta=np.array([p.value for p in file.parameters]) * unit,
         start=np.array([p.nominal for p in file.parameters]) * unit,
         estimated=estimated,
         combinations={p.name: p.combination for p in file.parameters if p.status == "eliminated"},
-        covariance=covariance * np.outer(scale, scale),
+        covariance=covariance[: len(own), : len(own)],
+        shared=tuple(
+            SharedValue(s.name, s.unit, s.value * UNITS[s.unit], s.prior * UNITS[s.unit]) for s in file.shared
+        ),
+        shared_covariance=covariance[len(own) :],
+        discrepancy=file.discrepancy, promise=file.promise,
         scatter=file.scatter, scatter_significant=file.scatter_significant, weak=tuple(file.weak),
         outliers=file.outliers, fit=file.fit, held_out=file.held_out, residuals=file.residuals,
         fingerprints=frozenset(file.fingerprints), iterations=file.iterations, solve_s=file.solve_s,

@@ -44,7 +44,7 @@ def test_errors_in_regions_held_out_tell_more_than_those_of_the_fit(irb120_cell,
 
 def chosen_error(irb120_cell, irb120_measured, train, test, kind=positions):
     """Errors in space at unseen poses, of the joint errors that the program chose from the seen ones."""
-    found = calibrate(irb120_cell, kind(irb120_measured, train), folds=0, choose=True)
+    found = calibrate(irb120_cell, kind(irb120_measured, train), folds=0, errors="auto")
     tip = found.cell.kinematics.tip(irb120_measured["q"][test], found.theta)[0]
     return np.linalg.norm(tip - irb120_measured["point"][test], axis=1)
 

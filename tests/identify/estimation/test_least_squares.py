@@ -50,11 +50,12 @@ def test_robots_identified_together_are_those_identified_one_by_one(arc_welder, 
     together = calibrate_many(arc_welder, made)
 
     for k in range(ROBOTS):
-        single = calibrate(arc_welder, of_one(made, k, plan), loss="linear", folds=0)
+        single = calibrate(arc_welder, of_one(made, k, plan), loss="linear", folds=0, parameters="identifiable")
         assert not single.outliers
         assert together.used[k].sum() == made.hit[k].sum()
         assert together.converged[k]
-        assert np.abs((together.theta[k] - single.theta) / arc_welder.scale).max() < 1e-4
+        # one by one the residuals say a little of sigma, which weighs the priors
+        assert np.abs((together.theta[k] - single.theta) / arc_welder.scale).max() < 1e-3
         assert together.scatter[k] == pytest.approx(single.scatter, rel=0.1)  # they count freedom differently
 
 

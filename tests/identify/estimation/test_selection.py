@@ -74,7 +74,7 @@ def test_nothing_is_chosen_where_nothing_is_there(cell):
 def test_values_lie_inside_their_intervals(cell, rng):
     true, theta, touches = made(cell, ("harmonics", "compliance"), rng, sizes=(0.5, 1.5))
 
-    found = calibrate(cell, touches, choose=True, folds=0)
+    found = calibrate(cell, touches, parameters="identifiable", errors="auto", folds=0)
 
     assert found.cell.robot.errors == ("harmonics", "compliance")
     names = [name for name, _, _ in true.robot.error_parameters if name in found.estimated]
@@ -104,6 +104,6 @@ def test_models_of_the_cell_file_stay(cell, rng):
     with_gear = with_errors(cell, ("gear",))
     _, _, touches = made(cell, (), rng)
 
-    found = calibrate(with_gear, touches, choose=True, folds=0)
+    found = calibrate(with_gear, touches, parameters="identifiable", errors="auto", folds=0)
 
     assert found.cell.robot.errors == ("gear",)

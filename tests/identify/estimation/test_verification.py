@@ -35,8 +35,8 @@ def test_unseen_positions_are_within_what_was_promised(calibration, arc_welder, 
     assert found.identified.p95_mm == pytest.approx(found.promised_p95_mm, rel=0.5)
 
 
-def test_what_is_promised_is_what_400_unseen_touches_show_on_average(arc_welder, poses, truth):
-    """The promise is a 95th percentile over robots and touches: over many fits about 95 % lie below it."""
+def test_what_is_promised_is_kept_by_nearly_all_fits_and_is_not_much_more(arc_welder, poses, truth):
+    """95 of 100 fits stay below the promise at 95 % of the touches, and the median is near it."""
     rng = np.random.default_rng(2)
     below = []
     for _ in range(20):
@@ -45,7 +45,8 @@ def test_what_is_promised_is_what_400_unseen_touches_show_on_average(arc_welder,
         unseen = verify(found, touches_at(arc_welder, truth, q[60:], rng, SIGMA))
         below.append(unseen.identified.p95_mm / unseen.promised_p95_mm)
 
-    assert np.mean(below) == pytest.approx(1.0, abs=0.1)
+    assert np.mean(np.array(below) <= 1) >= 0.85  # of 20: three standard deviations below 95 %
+    assert np.median(below) > 0.75
 
 
 def test_touches_that_were_used_are_refused_even_in_another_file(calibration, arc_welder, poses, truth):

@@ -1,0 +1,124 @@
+"""The estimate with all joint errors at once: linear algebra about one nonlinear fit of the geometry."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.estimation.discrepancy import ENOUGH, ERROR, GEOMETRY, LOOSE, Linear, Models, Posterior, average, folds
+from identify.estimation.problem import Problem
+from identify.estimation.robust import Estimate, limit
+from identify.estimation.selection import FREE, Extended, Selection, extend, relinearized
+from identify.model.cell import Cell
+from identify.model.errors import ERROR_MODELS
+from identify.model.measurement import Rows
+
+ROUNDS = 3  # of outliers found and left out
+
+
+@dataclass(frozen=True, eq=False)
+class JointErrors:
+    """A robot with all joint errors that its measurements can show, averaged over models of their sizes."""
+
+    extended: Extended  # about the estimate
+    models: Models
+    posterior: Posterior
+    used: Bool[np.ndarray, " rows"]
+    selection: Selection
+
+    @property
+    def unknown(self) -> Float[np.ndarray, " unknowns"]:
+        """All unknowns, in units of their priors."""
+        return _moved(self.extended, self.posterior)
+
+    @property
+    def linear(self) -> Linear:
+        """The linear problem of all rows."""
+        return _linear(self.extended)
+
+    def without(self, out: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " out"]:
+        """Residuals [mm] of some rows by the estimate from the other rows in use."""
+        linear = self.linear
+        mean = self.models.posterior(linear.take(self.used & ~out)).mean
+        return -(linear.y[out] - linear.A[out] @ mean) * self.extended.rows.sigma[out]
+
+    def problem(self, problem: Problem) -> tuple[Problem, Estimate]:
+        """The problem of all these unknowns and its estimate, with priors as wide as the models have them."""
+        extended = self.extended
+        unknowns, held, x = extended.unknowns, extended.precision, self.unknown
+        origin, basis = x * (1 - held), np.eye(len(unknowns))
+        factor = np.array([FREE, self.models.geometry, self.models.errors])[_kinds(extended)]
+        full = Problem(unknowns.cell, extended.rows, unknowns, origin, basis, None, True, problem.loss, factor)
+        noise = self.posterior.noise
+        weight = self.used / (extended.rows.sigma * noise)
+        return full, Estimate(x * held, self.used, weight, noise, 0, 0.0)
+
+
+def with_joint_errors(problem: Problem, found: Estimate, rng: np.random.Generator) -> JointErrors:
+    """The estimate of a problem with the unknowns of all error models that its measurements can show.
+
+    The sizes of the errors are chosen and averaged by `discrepancy.average`. Only then measurements that no model
+    explains are left out.
+    """
+    extended = extend(problem, found.x, shown(problem.cell, problem.rows))
+    unit = extended.unit()
+    used = unit > 0 if problem.loss != "linear" else np.ones(len(unit), dtype=bool)
+    selection = extended.selection(np.where(used, np.maximum(unit, 1e-9), 0.0), rng)
+    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(found.x))[0]
+    for _ in range(ROUNDS):
+        models = _models(extended, used, tip, rng)
+        posterior = models.posterior(_linear(extended).take(used))
+        extended = relinearized(extended, _moved(extended, posterior))
+        posterior = models.posterior(_linear(extended).take(used))
+        agreeing = _agreeing(extended, posterior, used) if problem.loss != "linear" else used
+        if np.array_equal(agreeing, used):
+            break
+        used = agreeing
+    extended = relinearized(extended, _moved(extended, posterior))
+    return JointErrors(extended, models, models.posterior(_linear(extended).take(used)), used, selection)
+
+
+def shown(cell: Cell, rows: Rows) -> tuple[str, ...]:
+    """Error models that measurements can show: without a temperature, no link grows."""
+    warm = rows.conditions is not None and bool(np.ptp(rows.conditions[:, -1]) > 0)
+    return tuple(name for name in ERROR_MODELS if name != "thermal" or warm or name in cell.robot.errors)
+
+
+def _models(
+    extended: Extended, used: Bool[np.ndarray, " rows"], tip: Float[np.ndarray, "rows 3"], rng: np.random.Generator
+) -> Models:
+    """Models of the sizes of errors by the rows in use, or by some of them if there are very many."""
+    rows = np.flatnonzero(used)
+    if len(rows) > ENOUGH:
+        owners = np.unique(extended.rows.owner[rows])
+        picked = rng.choice(owners, min(len(owners), ENOUGH // 2), replace=False)
+        rows = rows[np.isin(extended.rows.owner[rows], picked)]
+    _, first, owner = np.unique(extended.rows.owner[rows], return_index=True, return_inverse=True)
+    return average(_linear(extended).take(rows), folds(extended.rows.q[rows][first], tip[rows][first], owner))
+
+
+def _linear(extended: Extended) -> Linear:
+    return Linear(extended.A, extended.y, _kinds(extended))
+
+
+def _kinds(extended: Extended) -> Int[np.ndarray, " unknowns"]:
+    errors = {name for name, _, _ in extended.unknowns.cell.robot.error_parameters}
+    kinds = [ERROR if name in errors else GEOMETRY for name in extended.unknowns.names]
+    return np.where(extended.precision > 0, kinds, LOOSE)
+
+
+def _moved(extended: Extended, posterior: Posterior) -> Float[np.ndarray, " unknowns"]:
+    """All unknowns at the mean of a posterior; those without a prior are counted from where the rows were taken."""
+    return extended.at * (1 - extended.precision) + posterior.mean
+
+
+def _agreeing(extended: Extended, posterior: Posterior, used: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
+    """Rows of measurements that are as near to the prediction as chance allows, leverage considered."""
+    linear = _linear(extended)
+    r = linear.y - linear.A @ posterior.mean
+    own = ((linear.A @ posterior.covariance) * linear.A).sum(axis=1)
+    noise = posterior.noise**2
+    variance = np.where(used, np.maximum(noise - own, 0.05 * noise), noise + own)
+    size = np.zeros(len(extended.rows.ids))
+    np.maximum.at(size, extended.rows.owner, np.abs(r) / np.sqrt(variance))
+    return (size <= limit(len(r)))[extended.rows.owner]
