@@ -6,8 +6,11 @@ In the order in which data walks through:
     problem           the least squares problem of a cell and its touches
     ipopt             Ipopt for many unknowns, compiled once a size
     least_squares     weighted, robust nonlinear least squares with priors
+    robust            measurements that agree, and the noise
     folds             regions of space to hold out
     selection         which joint errors the touches show
+    discrepancy       how large joint errors and noise are on this arm, by regions left out, averaged
+    joint_errors      the estimate with all joint errors at once
     face_association  the most probable robot while the touches alone do not determine it
     diagnosis         causes that residuals show: joints read too early, drift, a wire cut between touches
     calibrate         from touches to a Calibration

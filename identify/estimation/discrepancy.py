@@ -169,7 +169,7 @@ def _factors() -> tuple[np.ndarray, np.ndarray]:
 
 @lru_cache
 def _log_priors() -> tuple[np.ndarray, np.ndarray]:
-    """Of factors and kappa: log-normal, a factor 3 around 1, 10 around 0.3 and 10 around 1; of the noise: chi-square."""
+    """Log-normal: a factor 3 around 1, 10 around 0.3, and 10 around 1 for kappa; of the noise chi-square."""
     geometry, errors = _factors()
     kappa, noise = np.meshgrid(KAPPAS, NOISES, indexing="ij")
     structure = -0.5 * (np.log(geometry) / np.log(3)) ** 2 - 0.5 * (np.log(errors / 0.3) / np.log(10)) ** 2

@@ -192,7 +192,8 @@ class LeastSquares:
         """Whether no part of the Newton step lowers the objective by more than chance would notice."""
         value, gradient, hessian = self.objective.at(x)
         step = -np.linalg.solve(hessian, gradient)
-        return all(self.objective.at(x + share * step)[0] > value - UNNOTICED for share in (1.0, 0.3, 0.1, 0.03, 0.01))
+        ends = (np.clip(x + share * step, self.lower, self.upper) for share in (1.0, 0.3, 0.1, 0.03, 0.01))
+        return all(self.objective.at(end)[0] > value - UNNOTICED for end in ends)
 
 
 def _scales(hessian: Float[np.ndarray, "unknowns unknowns"]) -> Float[np.ndarray, "unknowns unknowns"]:

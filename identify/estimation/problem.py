@@ -43,9 +43,9 @@ class CalibrationFailed(RuntimeError):
 class Problem:
     """Half the squares of the weighted residuals and of the unknowns, over coordinates x in a basis of the unknowns.
 
-    The unknowns, in units of their priors, are origin + basis @ x. With all unknowns the basis is orthonormal and leaves
-    out what no measurement can show of any robot near the drawing: there the most probable value is the prior's. If
-    single parameters are eliminated, as in the paper, the basis holds the others.
+    The unknowns, in units of their priors, are origin + basis @ x. With all unknowns the basis is orthonormal and
+    leaves out what no measurement can show of any robot near the drawing: there the most probable value is the
+    prior's. If single parameters are eliminated, as in the paper, the basis holds the others.
     """
 
     cell: Cell
@@ -153,7 +153,7 @@ class Problem:
         return self.origin + (x if self._plain else self.basis @ x)
 
     def coordinates(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " size"]:
-        """Coordinates of a robot [mm, rad], for a search to begin there; what measurements share is as on the drawing."""
+        """Coordinates of a robot [mm, rad] to begin a search at; what measurements share is as on the drawing."""
         some = self.unknowns.parameters
         x = np.zeros(len(self.unknowns))
         x[: len(some)] = (theta - self.cell.theta)[some] / self.unknowns.scale[: len(some)]

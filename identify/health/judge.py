@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimation.verification import require_unseen
+from identify.estimation.verification import predicted, require_unseen
 from identify.health.causes import Cause, causes
 from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
@@ -131,10 +131,9 @@ class _Check:
             raise InputError(f"{len(found)} touches are too few to judge a robot by; make {LEAST} at least, better 12")
         if unseen:
             require_unseen(calibration, found, "they cannot tell a change; touch again")
-        r, J = measurement_model(cell.robot).linearize(calibration.theta, found)
-        known = J[:, calibration.index]
-        widened = max(1.0, calibration.scatter if calibration.scatter_significant else 1.0)
-        S = known @ calibration.covariance @ known.T + np.diag((found.sigma * widened) ** 2)
+        _, J = measurement_model(cell.robot).linearize(calibration.theta, found)
+        r, known = predicted(calibration, found)
+        S = known @ calibration.joint_covariance @ known.T + np.diag((found.sigma * calibration.noise) ** 2)
         return cls(calibration, touches.ids, r, J, S + _shared(calibration, touches))
 
     @cached_property
@@ -196,8 +195,8 @@ def _lowest(touches: int, ranks: tuple[int, ...], bases: bytes) -> Float[np.ndar
 
 
 def _shared(calibration: Calibration, touches: Touches) -> Float[np.ndarray, "touches touches"]:
-    """What touches on one face share: by how much the face is off its drawing [mm^2]."""
-    faces = {} if calibration.cell.jig is None else calibration.cell.jig.by_name
+    """What touches on one face share: by how much it is off its drawing [mm^2], if that was not estimated."""
+    faces = {} if calibration.cell.jig is None or calibration.shared else calibration.cell.jig.by_name
     names = np.array(touches.face)
     tolerance = np.array([faces[name].tolerance if name in faces else 0.0 for name in touches.face])
     return np.where(names[:, None] == names, np.outer(tolerance, tolerance), 0.0)

@@ -21,6 +21,7 @@ In the order in which data walks through:
     kinematics       the tip in CasADi symbols, equations (1) to (5), and the functions compiled from them
     equations        the equations of measurements in CasADi symbols, for all rows at once
     measurement      kinds of measurements: touch, position, pose, distance, contact, and their rows
+    calibration      a robot identified: parameters, covariance, noise, findings
     identifiability  which parameters touches can tell apart: structural elimination, rank, weak directions
     ik_step          one damped step of inverse kinematics as a compiled function
     ik               inverse kinematics of any robot, calibrated or not, for all targets at once

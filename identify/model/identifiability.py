@@ -93,10 +93,10 @@ def visible(
 ) -> Float[np.ndarray, "some directions"]:
     """An orthonormal basis of the directions of some parameters that measurements can show of robots near the drawing.
 
-    Parameters are in units of their priors. The Jacobian is taken at generic poses, each of another robot drawn from the
-    priors, because axes that are parallel on the drawing are not on a robot as built; `leaning` says that the wire has a
-    flat end, which shows the tilt of the tool. What nothing shows keeps the most probable value of the prior. Columns
-    without a prior have a basis of their own, and what they can make up for is not shown of the others.
+    Parameters are in units of their priors. The Jacobian is taken at generic poses, each of another robot drawn from
+    the priors, because axes that are parallel on the drawing are not on a robot as built; `leaning` says that the wire
+    has a flat end, which shows the tilt of the tool. What nothing shows keeps the most probable value of the prior.
+    Columns without a prior have a basis of their own, and what they can make up for is not shown of the others.
     """
     robot, rng = cell.robot, np.random.default_rng(1)
     q = rng.uniform(robot.lower, robot.upper, (POSES * len(robot.parameters), len(robot.joints)))

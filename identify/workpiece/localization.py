@@ -111,7 +111,7 @@ def _found(
     calibration: Calibration, workpiece: Jig, touches: Touches, near: Float[np.ndarray, " 6"] | None
 ) -> Location:
     touched = _contacts(calibration, touches)
-    scatter = touches.sigma * max(1.0, calibration.scatter if calibration.scatter_significant else 1.0)
+    scatter = touches.sigma * calibration.noise
     begin = starts(touched, 1 / scatter) if near is None else _one(transform(near))
     ends = settle(touched, np.diag(1 / scatter), begin)
     at = _chosen(calibration, workpiece, touches, touched, scatter, ends)

@@ -1,10 +1,7 @@
-"""A robot identified, and calibration.json, in which it travels."""
+"""calibration.json, in which an identified robot travels."""
 
-import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -13,158 +10,25 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from identify.model.cell import Cell
+from identify.model.calibration import (
+    Calibration,
+    Discrepancy,
+    Errors,
+    Finding,
+    Residual,
+    SharedValue,
+    Term,
+    fingerprints,
+    summarize,
+)
 from identify.model.files import InputError, Mistake, read_text, write_text
 from identify.model.io.entries import cell_entry, cell_from_entry
 
+__all__ = ["Calibration", "Discrepancy", "Errors", "Finding", "Residual", "SharedValue", "Term", "calibration_entry",
+           "fingerprints", "read_calibration", "summarize", "write_calibration"]  # fmt: skip
 FORMAT = 2  # of calibration.json; a file without a number is of the first version
 FACE = "face."  # before the name of a face in the name of its offset
 UNITS = {"mm": 1.0, "deg": np.pi / 180}
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Sizes of errors: distances along the normal for touches, in space for positions."""
-
-    n: int
-    mean_mm: float
-    rms_mm: float
-    p95_mm: float
-    max_mm: float
-
-
-def summarize(distance: Float[np.ndarray, " measured"]) -> Errors:
-    """Number, mean, root mean square, 95th percentile and maximum of distances [mm]."""
-    d = np.abs(distance)
-    return Errors(len(d), *(float(v) for v in (d.mean(), np.sqrt(np.mean(d * d)), np.percentile(d, 95), d.max())))
-
-
-@dataclass(frozen=True)
-class Residual:
-    """What one touch said before and after the identification."""
-
-    before_mm: float
-    after_mm: float
-    used: bool
-
-
-@dataclass(frozen=True)
-class Term:
-    """An error model on the way from the geometric robot to the richest, and what it buys at unseen touches."""
-
-    name: str
-    held_out_mm: float  # mean error in regions held out, with this model and those before it
-    gain_mm: float  # by which that is less than without it
-    standard_error_mm: float  # of the gain
-    kept: bool
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something wrong with what was measured, or with the robot: what kind, the evidence in a sentence, and where."""
-
-    kind: str
-    text: str
-    ids: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class SharedValue:
-    """What several measurements share, as it was estimated: the offset of a face, the length of a wire."""
-
-    name: str
-    unit: Literal["mm", "deg"]
-    value: float  # [mm] or [rad]
-    scale: float  # [mm] or [rad], 1 sigma of the prior
-
-
-@dataclass(frozen=True)
-class Discrepancy:
-    """How far this arm is from what was stated: factors on the noise and on the priors."""
-
-    noise: float  # of the rows, in units of the stated sigma
-    geometry: float = 1.0  # on the priors of base, tool and links
-    errors: float = 1.0  # on the priors of the joint errors
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """A robot identified: its parameters, their covariance, and how far to trust them."""
-
-    cell: Cell
-    theta: Float[np.ndarray, " parameters"]  # [mm, rad]
-    start: Float[np.ndarray, " parameters"]  # [mm, rad], nominal, or fitted in closed form where the cell says so
-    estimated: tuple[str, ...]
-    combinations: Mapping[str, Mapping[str, float]]  # eliminated name -> {estimated name: coefficient}, file units
-    covariance: Float[np.ndarray, "estimated estimated"]  # [mm, rad]
-    scatter: float  # residuals in units of the stated sigma; where above 1, the covariance is widened by it
-    scatter_significant: bool  # whether chance does not explain its distance from 1 (chi-square, 1 %)
-    weak: tuple[str, ...]
-    outliers: Mapping[str, float]  # id -> residual [mm]
-    fit: Errors
-    held_out: Errors | None  # None where no region could be spared
-    residuals: Mapping[str, Residual]
-    fingerprints: frozenset[str]  # of the measurements used, so that they are not used again to verify
-    iterations: int
-    solve_s: float
-    choice: tuple[Term, ...] = ()  # of the error models, where the data chose them
-    findings: tuple[Finding, ...] = ()
-    inputs: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of the files it was made from
-    shared: tuple[SharedValue, ...] = ()  # beside the parameters
-    shared_covariance: Float[np.ndarray, "shared unknowns"] = field(  # rows of the joint covariance [mm, rad]
-        default_factory=lambda: np.empty((0, 0))
-    )
-    discrepancy: Discrepancy | None = None  # None: of a file of the first version
-    promise: Mapping[str, float] | None = None  # rms_mm and p95_mm in the weld zone; None if there is no zone
-
-    @cached_property
-    def index(self) -> list[int]:
-        """Places of the estimated parameters among all."""
-        return [self.cell.robot.parameters.index(name) for name in self.estimated]
-
-    @cached_property
-    def sigma(self) -> Float[np.ndarray, " parameters"]:
-        """Standard deviations of all parameters [mm, rad]; 0 where a parameter was not estimated."""
-        sigma = np.zeros(len(self.theta))
-        sigma[self.index] = np.sqrt(np.diag(self.covariance))
-        return sigma
-
-    @property
-    def noise(self) -> float:
-        """Scatter of a measurement in units of its stated sigma."""
-        if self.discrepancy is not None:
-            return self.discrepancy.noise
-        return max(1.0, self.scatter if self.scatter_significant else 1.0)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of all that was estimated: parameters, then what measurements share."""
-        return (*self.estimated, *(shared.name for shared in self.shared))
-
-    @cached_property
-    def joint_covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Covariance of the estimated parameters and of what measurements share [mm, rad]."""
-        if not self.shared:
-            return self.covariance
-        across = self.shared_covariance[:, : len(self.estimated)]
-        return np.block([[self.covariance, across.T], [self.shared_covariance]])
-
-    def status(self, name: str) -> Literal["estimated", "eliminated", "fixed"]:
-        """What became of a parameter."""
-        if name in self.estimated:
-            return "estimated"
-        return "eliminated" if name in self.combinations else "fixed"
-
-    def tip_covariance(self, q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray, "poses 3 3"]:
-        """Covariance of the tip position at poses [mm^2]."""
-        J = self.cell.kinematics.tip_jacobian(q, self.theta)[1][:, :, self.index]
-        return J @ self.covariance @ J.transpose(0, 2, 1)
-
-
-def fingerprints(*columns: Float[np.ndarray, "rows _"]) -> list[str]:
-    """A short name for each measurement, made of its numbers to 1e-6, which a rewriting of the file does not change."""
-    numbers = np.column_stack(columns).round(6) + 0.0  # no negative zeros
-    return [hashlib.sha256(row.tobytes()).hexdigest()[:16] for row in numbers]
 
 
 class _Strict(BaseModel):
