@@ -2,12 +2,13 @@
 
 import copy
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from measured import poses_over_jig, touches_at
+from measured import poses_over_jig, table_2, touches_at
 
 from identify.estimation.calibrate import calibrate
 from identify.model.files import InputError
@@ -41,9 +42,9 @@ def refused(document, folder):
     ("key", "value", "sentence"),
     [
         ("fit", None, "not a calibration: fit: Input should be"),
-        ("covariance", [], "its covariance is 0 x 0, expected 25 x 25, a row a parameter; make it again"),
-        ("covariance", [[1.0], [1.0, 2.0]], "its covariance is 2 x 1 or 2, expected 25 x 25"),
-        ("covariance", np.zeros((25, 25)).tolist(), "its covariance is not one: variances and covariances do not fit"),
+        ("covariance", [], "its covariance is 0 x 0, expected 53 x 53, a row a parameter; make it again"),
+        ("covariance", [[1.0], [1.0, 2.0]], "its covariance is 2 x 1 or 2, expected 53 x 53"),
+        ("covariance", np.zeros((53, 53)).tolist(), "its covariance is not one: variances and covariances do not fit"),
         ("parameters", [], "its parameters are not those of its robot"),
         ("touchcal", 3, "not a calibration: touchcal: Input should be a valid string"),
     ],
@@ -81,3 +82,37 @@ def spoiled(document, draw):
     else:
         place[key] = draw(st.sampled_from([None, [], {}, "", 0, -1, 1e308, 1e-320, True, "x", [[1]]]))
     return document
+
+
+def test_faces_and_their_covariance_with_the_parameters_are_read_back(arc_welder, rng, tmp_path):
+    q = poses_over_jig(arc_welder, 40, rng)
+    touches = touches_at(arc_welder, table_2(arc_welder), q, rng)
+    faces = tuple(list(arc_welder.jig.by_name)[i % 3] for i in range(40))
+    found = calibrate(arc_welder, replace(touches, face=faces), folds=0)
+
+    write_calibration(tmp_path / "c.json", found)
+    again = read_calibration(tmp_path / "c.json")
+
+    assert [s.name for s in again.shared] == [f"face.{face.name}" for face in arc_welder.jig.faces]
+    np.testing.assert_allclose([s.value for s in again.shared], [s.value for s in found.shared], atol=1e-12)
+    np.testing.assert_allclose(again.joint_covariance, found.joint_covariance, rtol=1e-9, atol=1e-15)
+    assert again.discrepancy == found.discrepancy
+    entry = json.loads((tmp_path / "c.json").read_text())
+    assert {face["name"]: face["offset_mm"] for face in entry["faces"]} == pytest.approx(
+        {shared.name.removeprefix("face."): shared.value for shared in found.shared}
+    )
+
+
+def test_a_file_of_the_first_version_is_read(document, found, tmp_path):
+    newer = {"format", "faces", "shared", "discrepancy", "promise"}
+    path = tmp_path / "first.json"
+    write_calibration(path, found)
+    first = {key: value for key, value in json.loads(path.read_text()).items() if key not in newer}
+    path.write_text(json.dumps(first))
+
+    again = read_calibration(path)
+
+    assert again.discrepancy is None
+    assert again.shared == ()
+    np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-9)
+    assert again.noise == max(1.0, found.scatter if found.scatter_significant else 1.0)
