@@ -24,6 +24,7 @@ from identify.model.io.calibration_file import (
     summarize,
 )
 from identify.model.measurement import Measured, Rows, rows
+from identify.uncertainty.unknowns import Unknowns
 
 __all__ = ["CalibrationFailed", "calibrate"]
 
@@ -148,10 +149,7 @@ def _calibration(
             for name, terms in combinations.items()
         },
         covariance=covariance[:count, :count],
-        shared=tuple(
-            SharedValue(shared.name, shared.unit, float(value), float(shared.scale))
-            for shared, value in zip(unknowns.shared, (x * unknowns.scale)[count:], strict=True)
-        ),
+        shared=_shared(unknowns, x),
         shared_covariance=covariance[count:],
         discrepancy=fit.discrepancy(),
         scatter=deviation,
@@ -168,6 +166,13 @@ def _calibration(
         findings=diagnose(problem, found, measured),
         inputs=dict(inputs),
     )
+
+
+def _shared(unknowns: Unknowns, x: Float[np.ndarray, " unknowns"]) -> tuple[SharedValue, ...]:
+    """What measurements share: offsets of faces, wires, frames and points."""
+    values = zip(unknowns.names, unknowns.units, unknowns.origin + x * unknowns.scale, unknowns.scale, strict=True)
+    shared = list(values)[len(unknowns.parameters) :]
+    return tuple(SharedValue(name, "deg" if unit == "deg" else "mm", float(v), float(s)) for name, unit, v, s in shared)
 
 
 def _start(geometry: Problem, problem: Problem) -> Float[np.ndarray, " parameters"]:

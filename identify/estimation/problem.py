@@ -108,9 +108,10 @@ class Problem:
         basis = np.eye(len(unknowns))
         if not cell.bounds:
             seen = visible(cell, start, some, still_joints(rows), rows.conditions, bool(rows.radius.any()))
-            basis = np.zeros((len(unknowns), seen.shape[1] + len(unknowns.shared)))
+            further = len(unknowns) - len(some)
+            basis = np.zeros((len(unknowns), seen.shape[1] + further))
             basis[: len(some), : seen.shape[1]] = seen
-            basis[len(some) :, seen.shape[1] :] = np.eye(len(unknowns.shared))
+            basis[len(some) :, seen.shape[1] :] = np.eye(further)
         return cls(cell, rows, unknowns, origin, basis, None, True, loss)
 
     def __post_init__(self) -> None:
@@ -139,7 +140,8 @@ class Problem:
         if not self.cell.bounds:
             return np.full(self.size, -np.inf), np.full(self.size, np.inf)
         bounds = [self.cell.bounds.get(name, (-np.inf, np.inf)) for name in self.unknowns.names]
-        zero = np.concatenate([self.cell.theta[self.unknowns.parameters], np.zeros(len(self.unknowns.shared))])
+        zero = np.zeros(len(self.unknowns))
+        zero[: len(self.unknowns.parameters)] = self.cell.theta[self.unknowns.parameters]
         lower, upper = ((np.array(side) - zero) / self.unknowns.scale for side in zip(*bounds, strict=True))
         return lower - self.origin, upper - self.origin
 

@@ -209,7 +209,7 @@ def extend(problem: Problem, x: Float[np.ndarray, " size"], errors: Sequence[str
     before = dict(zip(problem.unknowns.names, problem.unknown(x), strict=True))
     names = {*before, *(name for name, _, _ in cell.robot.error_parameters)} - problem.cell.fixed
     some = [i for i, name in enumerate(cell.robot.parameters) if name in names]
-    unknowns = Unknowns(cell, np.array(some), problem.unknowns.shared)
+    unknowns = replace(problem.unknowns, cell=cell, parameters=np.array(some))
     at = np.array([before.get(name, 0.0) for name in unknowns.names])
     beyond = {name for name, _, _ in cell.robot.error_parameters}
     held = np.array([problem.priors or name in beyond for name in unknowns.names])

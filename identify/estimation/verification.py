@@ -46,16 +46,18 @@ def predicted(
     calibration: Calibration, found: Rows
 ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows names"]]:
     """Residuals [mm] by the identified robot and jig, and their Jacobian by all that was estimated."""
-    unknowns = Unknowns.of(calibration.cell)
-    shared = {s.name: s for s in calibration.shared}
-    known = tuple(s for s in unknowns.shared if s.name in shared)
-    unknowns = Unknowns(calibration.cell, np.array(calibration.index, dtype=int), known)
-    r, J = measurement_model(calibration.cell.robot).linearize(calibration.theta, found)
-    K = unknowns.shared_slopes(found, calibration.theta) / [s.scale for s in known] if known else np.empty((len(r), 0))
-    places = [[s.name for s in calibration.shared].index(s.name) for s in known]
-    across = np.zeros((len(r), len(calibration.shared)))
-    across[:, places] = K
-    return r + K @ [shared[s.name].value for s in known], np.hstack([J[:, calibration.index], across])
+    values = dict(zip(calibration.names, calibration.values, strict=True))
+    every = Unknowns.of(calibration.cell)
+    unknowns = Unknowns(
+        calibration.cell, np.array(calibration.index, dtype=int),
+        tuple(shared for shared in every.shared if shared.name in values),
+        tuple(named for named in every.named if named.names[0] in values),
+    )  # fmt: skip
+    x = (np.array([values[name] for name in unknowns.names]) - unknowns.origin) / unknowns.scale
+    r, J = unknowns.linearize(x, found, calibration.theta)
+    across = np.zeros((len(r), len(values)))
+    across[:, [calibration.names.index(name) for name in unknowns.names]] = J / unknowns.scale
+    return r, across
 
 
 def require_unseen(calibration: Calibration, found: Rows, cure: str) -> None:

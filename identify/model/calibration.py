@@ -132,6 +132,11 @@ class Calibration:
         return (*self.estimated, *(shared.name for shared in self.shared))
 
     @cached_property
+    def values(self) -> Float[np.ndarray, " unknowns"]:
+        """Values of all that was estimated [mm, rad]."""
+        return np.concatenate([self.theta[self.index], [shared.value for shared in self.shared]])
+
+    @cached_property
     def joint_covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
         """Covariance of the estimated parameters and of what measurements share [mm, rad]."""
         if not self.shared:

@@ -126,6 +126,12 @@ class Unknowns:
         further = (np.full(len(unknown.nominal), unknown.precision) for unknown in self.named)
         return np.concatenate([np.where(fitted, 0.0, 1.0), [shared.precision for shared in self.shared], *further])
 
+    @cached_property
+    def origin(self) -> Float[np.ndarray, " unknowns"]:
+        """Values [mm, rad] at x = 0."""
+        nominal = (unknown.nominal for unknown in self.named)
+        return np.concatenate([self.cell.theta[self.parameters], np.zeros(len(self.shared)), *nominal])
+
     def index(self, names: Sequence[str]) -> list[int]:
         """Places of some unknowns; raises KeyError if one is not among them."""
         place = {name: i for i, name in enumerate(self.names)}
@@ -138,10 +144,10 @@ class Unknowns:
         return theta
 
     def linearize(
-        self, x: Float[np.ndarray, " unknowns"], rows: Rows
+        self, x: Float[np.ndarray, " unknowns"], rows: Rows, theta: Float[np.ndarray, " parameters"] | None = None
     ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]:
-        """Residuals [mm] at x, and their Jacobian by x [mm]."""
-        theta = self.theta(x)
+        """Residuals [mm] at x, and their Jacobian by x [mm]; `theta` holds parameters that are no unknowns as well."""
+        theta = self.theta(x) if theta is None else theta
         r, J = self._linearized(theta, rows, x)
         first, last = len(self.parameters), len(self.parameters) + len(self.shared)
         return r + J[:, first:last] @ x[first:last], J
