@@ -92,16 +92,15 @@ class Offer:
         return self._roadmap(touches).groups(touches.approach)
 
     def _roadmap(self, above: Candidates) -> Roadmap:
-        cell, none = self.known.cell, np.empty((0, above.q.shape[1]))
         if not self.lifting:
-            return Roadmap(self.edges, cell, none, none)
-        return Roadmap(self.edges, cell, self._lifted(above), self._home)
+            return Roadmap(self.edges, np.empty((0, above.q.shape[1])))
+        return Roadmap(self.edges, self._lifted(above), self._home)
 
     def _lifted(self, touches: Candidates) -> Float[np.ndarray, "lifted joints"]:
         """Postures above touches, each looked for once."""
         names = [q.tobytes() for q in touches.approach]
         new = np.array([i for i, name in enumerate(names) if name not in self._lifts], dtype=int)
-        found = lifts(self.edges, self.known.cell, touches.approach[new], touches.normal[new])
+        found = lifts(self.edges, touches.approach[new], touches.normal[new])
         self._lifts.update({names[i]: q for i, q in zip(new.tolist(), found, strict=True)})
         lifted = np.array([self._lifts[name] for name in names])
         return lifted[~np.isnan(lifted).any(axis=1)]

@@ -29,6 +29,7 @@ from probe.motion.distances import (
     segment_segment,
     slices,
 )
+from probe.motion.link_pairs import link_pairs
 from probe.motion.obstacles import Obstacle, obstacles
 from probe.motion.torch import STICKOUT, torch
 
@@ -40,7 +41,6 @@ MARGIN = 10.0  # [mm], from everything else
 WIRE = 3.0  # [mm], that the bare wire keeps from all but its own contact
 NEAR = 1.0  # [mm], of the torch from the solid whose face it touches: the tip itself holds this distance
 CHUNK = 1 << 17  # pairs of capsules and boxes at a time, for the cache
-GENERIC = 300  # postures that show which capsules always overlap
 CLEAR = -1
 
 
@@ -110,7 +110,8 @@ class Clearance:
         return first, second
 
     @cached_property
-    def _radius(self) -> Float[np.ndarray, " capsules"]:
+    def radius(self) -> Float[np.ndarray, " capsules"]:
+        """Radii of the capsules [mm]."""
         return np.array([c.radius for c in self.capsules])
 
     @cached_property
@@ -124,41 +125,16 @@ class Clearance:
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Capsules that could hit each other: not neighbours in the chain, nor overlapping in most postures.
-
-        Shapes that meet while all joints read zero are left out, too: a robot is drawn where it does not hit itself, so
-        these are drawn into each other.
-        """
-        robot = self.cell.robot
-        q = np.random.default_rng(2).uniform(robot.lower, robot.upper, (GENERIC, len(robot.joints)))
-        q[0] = np.clip(0.0, robot.lower, robot.upper)
-        frames = self.frames(q)
-        start, end = self._ends(frames)
-        links = [c.link for c in self.capsules]
-        apart = [(i, j) for i in range(len(links)) for j in range(i) if abs(links[i] - links[j]) > 1]
-        return tuple((i, j) for i, j in apart if not self._always(i, j, frames, start, end, not q[0].any()))
-
-    def _always(self, i: int, j: int, frames: Frames, start: Segments, end: Segments, zero: bool) -> bool:
-        """Whether two overlap in most postures, or, as shapes, in the first one."""
-        gap = segment_segment(start[:, i], end[:, i], start[:, j], end[:, j]) - self._radius[i] - self._radius[j]
-        over, shaped = np.flatnonzero(gap <= 0), self._shaped((i, j, None))
-        if shaped:
-            assert self.exact is not None
-            over = over[self.exact.near((i, j, None), frames, over, np.zeros(len(over)))]
-        body = min(i, j) < len(self.bodies)
-        return 2 * len(over) >= len(gap) or bool(body and zero and len(over) and over[0] == 0)
+        """Capsules that could hit each other."""
+        return link_pairs(self)
 
     def frames(self, q: Float[np.ndarray, "postures joints"]) -> Frames:
         """Where the links are, in the jig frame [mm]."""
         return self.cell.kinematics.links(q, self.theta)
 
-    def _ends(self, frames: Frames) -> tuple[Segments, Segments]:
-        """Both ends of every capsule in the jig frame [mm]."""
-        return placed(self.capsules, frames)
-
     def ends(self, q: Float[np.ndarray, "postures joints"]) -> tuple[Segments, Segments]:
         """Both ends of every capsule in the jig frame [mm]."""
-        return self._ends(self.frames(q))
+        return placed(self.capsules, self.frames(q))
 
     def wire(self, q: Float[np.ndarray, "postures joints"]) -> tuple[Points, Points]:
         """Both ends of the bare wire in the jig frame [mm], the tip first."""
@@ -181,7 +157,7 @@ class Clearance:
         least = np.minimum(margin, inside)
         for part in self._chunks(len(q)):
             frames, out = self.frames(q[part]), hit[part]
-            ends = self._ends(frames)
+            ends = placed(self.capsules, frames)
             self._against_obstacles(q[part], frames, ends, None if own is None else own[part], margin[part], out)
             self._against_itself(q[part], frames, ends, least[part], out)
         return hit
@@ -203,7 +179,7 @@ class Clearance:
             if own is not None:
                 touched = self._torch[self._moving][:, None, None] & own.T[boxes.owner]
                 need = np.where(touched, NEAR, need)
-            reach = need + self._radius[self._moving][:, None, None]
+            reach = need + self.radius[self._moving][:, None, None]
             near, box, m = near_boxes(start, end, boxes.lower, boxes.upper, reach)
             one, other = self._moving[near], boxes.owner[box]
             sure = ~self._shaped_pairs[one, other]
@@ -229,11 +205,11 @@ class Clearance:
     ) -> None:
         """Note the postures in which arm and torch come too near to each other in `out`."""
         first, second = self._pairs
-        reach = (self._radius[first] + self._radius[second])[:, None]
+        reach = (self.radius[first] + self.radius[second])[:, None]
         p, m = near_segments(*ends, first, second, np.maximum(margin, 0.0) + reach)
         for k in np.unique(p).tolist():
             pair, rows = (int(first[k]), int(second[k]), None), m[p == k]
-            if self._shaped(pair):
+            if self.shaped(pair):
                 assert self._shapes is not None
                 rows = rows[out[rows] == CLEAR]
                 rows = self._shapes.near(pair, q, frames, rows, margin[rows])
@@ -250,10 +226,10 @@ class Clearance:
 
     @cached_property
     def _shaped_pairs(self) -> Bool[np.ndarray, "capsules obstacles"]:
-        pairs = [[self._shaped((i, None, k)) for k in range(len(self.solids))] for i in range(len(self.capsules))]
+        pairs = [[self.shaped((i, None, k)) for k in range(len(self.solids))] for i in range(len(self.capsules))]
         return np.array(pairs, dtype=bool).reshape(len(self.capsules), len(self.solids))
 
-    def _shaped(self, pair: "Pair") -> bool:
+    def shaped(self, pair: "Pair") -> bool:
         """Whether a pair is of shapes that can be asked themselves."""
         if self.exact is None:
             return False
@@ -302,18 +278,18 @@ class Clearance:
         outside, inside = np.full(len(q), most), np.full(len(q), most)
         for part in self._chunks(len(q)):
             frames = self.frames(q[part])
-            start, end = self._ends(frames)
+            start, end = placed(self.capsules, frames)
             for boxes in self.boxes:
                 a, b = boxes.seen(start), boxes.seen(end)
                 bound = np.sqrt(segment_box_bound(a, b, boxes.lower, boxes.upper))
                 for i in self._moving.tolist():
                     for n, k in enumerate(boxes.owner.tolist()):
-                        some = np.flatnonzero(bound[i, n] - self._radius[i] < outside[part])
+                        some = np.flatnonzero(bound[i, n] - self.radius[i] < outside[part])
                         gap = segment_box(a[:, i, some], b[:, i, some], boxes.lower[:, n], boxes.upper[:, n])
-                        self._lower(outside[part], some, gap - self._radius[i], (i, None, k), frames)
+                        self._lower(outside[part], some, gap - self.radius[i], (i, None, k), frames)
             for i, j in self.pairs:
                 gap = segment_segment(start[:, i], end[:, i], start[:, j], end[:, j])
-                gap -= self._radius[i] + self._radius[j]
+                gap -= self.radius[i] + self.radius[j]
                 self._lower(inside[part], np.arange(len(gap)), gap, (i, j, None), frames)
         return outside, inside
 
@@ -323,7 +299,7 @@ class Clearance:
         """Lower some of the least distances to those of a pair, of its shapes where capsules are nearer."""
         less = gap < least[rows]
         rows, gap = rows[less], gap[less]
-        if self._shaped(pair):
+        if self.shaped(pair):
             assert self.exact is not None
             gap = self.exact.distances(pair, frames, rows)
         least[rows] = np.minimum(least[rows], gap)

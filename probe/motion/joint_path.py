@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.jig import Face, Jig
@@ -12,7 +12,6 @@ from identify.model.touch import Plan
 from probe.motion.settings import Settings
 
 CREEP = 1e-3  # [rad/s], for a motion that goes nowhere
-STEP = 3.0  # [mm] between two looks at whether the jig is in the way
 SAMPLES = 33  # of a joint path, for the length of the tip's way
 
 
@@ -117,43 +116,3 @@ class Geometry:
         square = float(line @ line)
         s = float((p - a) @ line / square) if square else 0.0
         return s, float(np.radians(np.abs(p - a - s * line).max()))
-
-    def inside(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> bool:
-        """Whether the tip comes into a solid box of the jig on a straight joint path."""
-        return bool(self.blocked(start[None], end[None])[0])
-
-    def blocked(
-        self,
-        start: Float[np.ndarray, "ways joints"],
-        end: Float[np.ndarray, "ways joints"],
-        margin: float = 0.0,
-        theta: Float[np.ndarray, " parameters"] | None = None,
-        step: float = STEP,
-    ) -> Bool[np.ndarray, " ways"]:
-        """Straight joint paths on which the tip comes within a margin [mm] of a solid box of the jig.
-
-        But for where a path begins and ends: it may lead away from the jig, and up to it. Looks are `step` [mm] apart
-        or less on the longest path.
-        """
-        looks = SAMPLES
-        while True:
-            s = np.linspace(0.0, 1.0, looks)[None, :, None]
-            q = (start[:, None] + s * (end - start)[:, None]).reshape(-1, start.shape[1])
-            tip = self.cell.kinematics.tip(q, self.cell.theta if theta is None else theta)[0].reshape(-1, looks, 3)
-            apart = float(np.linalg.norm(np.diff(tip, axis=1), axis=2).max())
-            if apart <= step:
-                return _amidst(self._near(tip, margin)) | _amidst(self._near(tip, 0.0))
-            looks = int(looks * apart / step) + 2
-
-    def _near(self, tip: Float[np.ndarray, "ways looks 3"], margin: float) -> Bool[np.ndarray, "ways looks"]:
-        boxes = () if self.cell.jig is None else self.cell.jig.boxes
-        near = np.zeros(tip.shape[:2], dtype=bool)
-        for box in boxes:
-            near |= ((tip > np.array(box.lower) - margin) & (tip < np.array(box.upper) + margin)).all(axis=2)
-        return near
-
-
-def _amidst(near: Bool[np.ndarray, "ways looks"]) -> Bool[np.ndarray, " ways"]:
-    """Whether anything is true but an unbroken run from the first sample on, and one up to the last."""
-    first, last = np.logical_and.accumulate(near, axis=1), np.logical_and.accumulate(near[:, ::-1], axis=1)[:, ::-1]
-    return np.asarray((near & ~first & ~last).any(axis=1))

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -35,6 +36,12 @@ class Obstacle:
         corners = vertices if self.axes is None else vertices @ self.axes.T
         groups = clusters(corners, triangles, PARTS)
         return np.stack([p.min(axis=0) for p in groups]), np.stack([p.max(axis=0) for p in groups])
+
+    @property
+    def top(self) -> float:
+        """Height of its highest corner in the jig frame [mm]."""
+        corners = np.array(list(product(*zip(self.lower, self.upper, strict=True))))
+        return float((corners if self.axes is None else corners @ self.axes)[:, 2].max())
 
     def seen(self, p: Points) -> Points:
         """Points along its own axes."""

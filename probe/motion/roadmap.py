@@ -1,6 +1,11 @@
-"""A short order of touches along clear ways: straight ones, or over postures lifted from the jig."""
+"""Ways between touches that are clear: straight ones, or over other postures; and a short order along them.
 
-from dataclasses import dataclass
+A lazy probabilistic roadmap (Bohlin and Kavraki 2000): postures lifted from the jig, and those that the robot passes
+anyway, joined by straight ways, each of which is looked at finely only where a shortest way uses it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,10 +15,13 @@ from identify.model.cell import Cell
 from identify.model.ik import reach
 from identify.model.touch import Plan
 from probe.motion.clearance import CLEAR, MARGIN
-from probe.motion.edges import Edges, components
+from probe.motion.edges import COARSE, Edges, components
+from probe.motion.obstacles import obstacles
 from probe.motion.tour import RAMP, Order, minutes, order, travel
 
 LIFT = 40.0, 80.0  # [mm] that a lifted tip stands above its approach, or above all of the jig: at least and at most
+SEARCHES = 40  # shortest ways that are looked at finely before a way is given up
+UNSEEN = 1.5  # times what a way takes, while nobody has looked whether it is clear
 TURN = 2.0  # [rad], most that a joint turns on the way up: else the arm goes over into another branch
 
 
@@ -22,9 +30,63 @@ class Roadmap:
     """What the robot may do between touches: go straight where that is clear, or over postures in between."""
 
     edges: Edges
-    cell: Cell
-    lifted: Float[np.ndarray, "lifted joints"]  # postures that may be passed
-    home: Float[np.ndarray, "homes joints"]  # where the robot stands before the first touch, if that is known
+    stops: Float[np.ndarray, "stops joints"]  # postures that may be passed
+    home: Float[np.ndarray, "homes joints"] | None = None  # where the robot stands before the first touch, if known
+
+    @property
+    def cell(self) -> Cell:
+        """The cell in which the robot moves."""
+        return self.edges.clearance.cell
+
+    def route(
+        self, start: Float[np.ndarray, " joints"], goal: Float[np.ndarray, " joints"], via: Sequence[np.ndarray] = ()
+    ) -> list[Float[np.ndarray, " joints"]]:
+        """Postures to go to one after the other: as planned, straight, or around; empty where no way was found.
+
+        Ways that keep what the tip may be off come first, then those that keep the least that is safe.
+        """
+        for edges in dict.fromkeys((self.edges, replace(self.edges, keep=0.0))):
+            way = np.stack([start, *via, goal, start, goal])
+            clear = edges.clear(np.delete(way[:-1], len(via) + 1, axis=0), np.delete(way[1:], len(via) + 1, axis=0))
+            if clear[:-1].all():
+                return [*via, goal]
+            if clear[-1]:
+                return [goal]
+            if around := replace(self, edges=edges)._around(start, goal):
+                return around
+        return []
+
+    def _around(
+        self, start: Float[np.ndarray, " joints"], goal: Float[np.ndarray, " joints"]
+    ) -> list[Float[np.ndarray, " joints"]]:
+        """The shortest way over lifted postures and stops of which every leg is clear, those looked at preferred."""
+        from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
+
+        ends = np.stack([start, goal])
+        up = lifts(self.edges, ends)
+        q = np.concatenate([ends, up[~np.isnan(up).any(axis=1)], self.stops])
+        near = len(q) - len(self.stops)
+        a, b = (x.ravel() for x in np.meshgrid(np.arange(near), np.arange(len(q)), indexing="ij"))
+        new = a < b
+        a, b = a[new], b[new]
+        D = UNSEEN * (travel(self.cell, q) + RAMP)
+        D[a, b] = D[b, a] = np.where(self.edges.clear(q[a], q[b], COARSE), D[a, b] / UNSEEN, np.inf)
+        sure = np.zeros(D.shape, dtype=bool)
+        for _ in range(SEARCHES):
+            graph = csgraph_from_dense(D, null_value=np.inf)
+            distance, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
+            if not np.isfinite(distance[1]):
+                return []
+            way = [1]
+            while way[0] != 0:
+                way.insert(0, int(before[way[0]]))
+            a, b = np.array([leg for leg in pairwise(way) if not sure[leg]], dtype=int).reshape(-1, 2).T
+            if not len(a):
+                return [q[i] for i in way[1:]]
+            fine = self.edges.clear(q[a], q[b])
+            sure[a, b] = sure[b, a] = fine
+            D[a, b] = D[b, a] = np.where(fine, D[a, b], np.inf)
+        return []
 
     def order(
         self,
@@ -38,12 +100,13 @@ class Roadmap:
 
         Never longer than `start`, nor blocked where that is not.
         """
-        q = np.concatenate([plan.approach, self.lifted, self.home])
+        home = np.empty((0, plan.q.shape[1])) if self.home is None else self.home
+        q = np.concatenate([plan.approach, self.stops, home])
         n, clear = len(plan), self.edges.among(q)
         sure, before = np.eye(len(q), dtype=bool), start
         while True:
-            D, then = shortest_ways(np.where(clear, travel(self.cell, q) + RAMP, np.inf), n, n + len(self.lifted))
-            first = D[-1, :n] if len(self.home) else None
+            D, then = shortest_ways(np.where(clear, travel(self.cell, q) + RAMP, np.inf), n, n + len(self.stops))
+            first = D[-1, :n] if len(home) else None
             tour, blocked = order(D[:n, :n], rng, first=first, start=before, kicks=kicks)
             before, kicks = tour if start is None else start, 0
             begin = [len(q) - 1] if first is not None and np.isfinite(first[tour[0]]) else []
@@ -61,7 +124,8 @@ class Roadmap:
 
     def groups(self, approach: Float[np.ndarray, "touches joints"]) -> Int[np.ndarray, " touches"]:
         """The group of each touch, of those that ways connect which seem clear at a coarse look."""
-        return components(self.edges.among(np.concatenate([approach, self.lifted, self.home])))[: len(approach)]
+        home = approach[:0] if self.home is None else self.home
+        return components(self.edges.among(np.concatenate([approach, self.stops, home])))[: len(approach)]
 
 
 def with_via(plan: Plan, via: Float[np.ndarray, "touches vias joints"]) -> Plan:
@@ -83,33 +147,27 @@ def shortest_ways(
 
 
 def lifts(
-    edges: Edges, cell: Cell, approach: Float[np.ndarray, "touches joints"], normal: Float[np.ndarray, "touches 3"]
-) -> Float[np.ndarray, "touches joints"]:
-    """Postures above the approaches of touches, the wire as it stands there; NaN where there is none.
+    edges: Edges, q: Float[np.ndarray, "postures joints"], normal: Float[np.ndarray, "postures 3"] | None = None
+) -> Float[np.ndarray, "postures joints"]:
+    """Postures above others, the wire as it stands there; NaN where there is none.
 
-    Over all of the jig, or else off the face.
+    Over all of the jig, or else off the face along its `normal`, or along the wire where that is not given.
     """
-    theta, boxes = edges.clearance.theta, () if cell.jig is None else cell.jig.boxes
+    cell, theta = edges.clearance.cell, edges.clearance.theta
     height, joints = float(np.clip(edges.keep, *LIFT)), len(cell.robot.joints)
-    top = max((box.upper[2] for box in boxes), default=-np.inf) + height
-    tip, R = cell.kinematics.tip(approach, theta)
+    top = max((solid.top for solid in obstacles(cell.jig)), default=-np.inf) + height if cell.jig else -np.inf
+    tip, R = cell.kinematics.tip(q, theta)
     over = np.column_stack([tip[:, :2], np.maximum(tip[:, 2] + height, top)])
-    lifted = np.full_like(approach, np.nan)
-    for to in (over, tip + height * normal):
-        left = np.flatnonzero(np.isnan(lifted).any(axis=1))
-        found = reach(
-            cell.kinematics,
-            theta,
-            to[left],
-            R[left],
-            approach[left],
-            free_roll=joints == 5,
-            free_orientation=joints < 5,
+    lifted = np.full_like(q, np.nan)
+    for to in (over, tip + height * (-R[:, :, 2] if normal is None else normal)):
+        rest = np.flatnonzero(np.isnan(lifted).any(axis=1))
+        solved = reach(
+            cell.kinematics, theta, to[rest], R[rest], q[rest], free_roll=joints == 5, free_orientation=joints < 5
         )
-        turn = np.where(cell.robot.prismatic, 0.0, np.abs(found.q - approach[left])).max(axis=1, initial=0.0)
-        ok = np.flatnonzero(found.reached(1.0) & (turn < TURN))
-        ok = ok[edges.clearance.hits(found.q[ok], margin=MARGIN) == CLEAR]
-        lifted[left[ok]] = found.q[ok]
+        turn = np.where(cell.robot.prismatic, 0.0, np.abs(solved.q - q[rest])).max(axis=1, initial=0.0)
+        ok = np.flatnonzero(solved.reached(1.0) & (turn < TURN))
+        ok = ok[edges.clearance.hits(solved.q[ok], margin=MARGIN) == CLEAR]
+        lifted[rest[ok]] = solved.q[ok]
     return lifted
 
 

@@ -69,7 +69,7 @@ def test_ways_keep_as_clear_of_the_jig_as_asked_or_nearly_what_their_ends_have(a
 def test_lifted_postures_stand_above_their_approaches_with_the_wire_as_it_was(arc_welder, touches):
     edges = Edges(Clearance(arc_welder, arc_welder.theta), keep=50.0)
 
-    found = lifts(edges, arc_welder, touches.approach, touches.normal)
+    found = lifts(edges, touches.approach, touches.normal)
 
     there = ~np.isnan(found).any(axis=1)
     tip, R = arc_welder.kinematics.tip(touches.approach[there], arc_welder.theta)
@@ -82,9 +82,9 @@ def test_lifted_postures_stand_above_their_approaches_with_the_wire_as_it_was(ar
 
 def test_a_robot_may_go_over_lifted_postures_where_no_straight_way_is_clear(arc_welder, touches, rng):
     edges = Edges(Clearance(arc_welder, arc_welder.theta), keep=20.0)
-    up = lifts(edges, arc_welder, touches.approach, touches.normal)
+    up = lifts(edges, touches.approach, touches.normal)
     up, none = up[~np.isnan(up).any(axis=1)], np.empty((0, 6))
-    straight, lifted = (Roadmap(edges, arc_welder, over, none) for over in (none, up))
+    straight, lifted = (Roadmap(edges, over, none) for over in (none, up))
 
     alone, _ = straight.order(plan_of(touches), rng)
     found, _ = lifted.order(plan_of(touches), rng)
@@ -100,10 +100,10 @@ def test_a_robot_may_go_over_lifted_postures_where_no_straight_way_is_clear(arc_
 
 def test_the_first_touch_is_led_to_from_where_the_robot_stands(arc_welder, touches, rng):
     edges = Edges(Clearance(arc_welder, arc_welder.theta))
-    up = lifts(edges, arc_welder, touches.approach, touches.normal)
+    up = lifts(edges, touches.approach, touches.normal)
     home = np.zeros((1, 6))
 
-    found, _ = Roadmap(edges, arc_welder, up[~np.isnan(up).any(axis=1)], home).order(plan_of(touches), rng)
+    found, _ = Roadmap(edges, up[~np.isnan(up).any(axis=1)], home).order(plan_of(touches), rng)
 
     plan = with_via(plan_of(touches).take(found.index), found.via)
     way = np.vstack([home, plan.way(0)])
