@@ -12,6 +12,7 @@ from identify.model.touch import Plan
 from probe.motion.settings import Settings
 
 CREEP = 1e-3  # [rad/s], for a motion that goes nowhere
+Joints = Float[np.ndarray, " joints"]
 SAMPLES = 33  # of a joint path, for the length of the tip's way
 
 

@@ -1,6 +1,7 @@
 """The one room that judges motions: what a plan, a run, a dry run and a resume may do with the robot that is known."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +11,7 @@ from identify.model.cell import Cell
 from identify.model.jig import Face
 from probe.motion.clearance import CLEAR, NEAR, Clearance
 from probe.motion.edges import Edges
+from probe.motion.joint_path import Joints
 from probe.motion.obstacles import owners
 from probe.motion.roadmap import Roadmap
 from probe.motion.tour import between
@@ -19,8 +21,6 @@ PLACES = 8  # postures at which that deviation is taken
 UNKNOWN = 1e3  # [mm] or [rad], variance of what is to be fitted
 LOOKS = 9  # on a search, between approach and contact
 TYPICAL = 90  # percentile of the deviation over these postures
-
-Joints = Float[np.ndarray, " joints"]
 
 
 class Room:
@@ -60,6 +60,20 @@ class Room:
     def route(self, start: Joints, goal: Joints, via: Sequence[Joints] = ()) -> list[Joints]:
         """Postures to go to one after the other, as planned, straight or around; empty where no clear way was found."""
         return self.roadmap.route(start, goal, via)
+
+    def clear(self, legs: Sequence[Float[np.ndarray, "postures joints"]]) -> list[bool]:
+        """Whether paths over some postures are clear, each leg by the least that is safe."""
+        edges = replace(self.roadmap.edges, keep=0.0)
+        ok = edges.clear(np.concatenate([leg[:-1] for leg in legs]), np.concatenate([leg[1:] for leg in legs]))
+        path = np.repeat(np.arange(len(legs)), [len(leg) - 1 for leg in legs])
+        return (np.bincount(path, ~ok, len(legs)) == 0).tolist()
+
+    def met(self, q: Float[np.ndarray, "postures joints"]) -> list[str]:
+        """What arm, torch or wire meet in postures, and where; one sentence for each posture in which they do."""
+        hit = self.clearance.hits(q, margin=0.0)
+        out = [encounter(self.clearance, q[i], int(hit[i])) for i in np.flatnonzero(hit != CLEAR)]
+        inside = np.flatnonzero((hit == CLEAR) & (self.clearance.segment_gaps(*self.clearance.wire(q)) <= 0))
+        return out + [self._wire(q[[i]]) for i in inside]
 
     def hits(
         self,
@@ -105,6 +119,10 @@ class Room:
         first = int(np.argmax(hit != CLEAR))
         if hit[first] != CLEAR:
             return encounter(self.clearance, q[first], int(hit[first]))
+        return self._wire(q)
+
+    def _wire(self, q: Float[np.ndarray, "postures joints"]) -> str:
+        """What the wire comes nearest to in some postures, and where."""
         tip, back = self.clearance.wire(q)
         near = int(np.argmin(self.clearance.segment_gaps(tip, back)))
         solid = min(self.clearance.solids, key=lambda s: float(s.segment(tip[:, [near]], back[:, [near]])[0]))

@@ -70,6 +70,8 @@ class Motion(Retreat):
         cannot get there or the input stays closed.
         """
         back = target.approach
+        if hit := self.room.hits([target.face], target.approach[None], target.contact[None])[0]:
+            return Failed("skipped", hit, again=False)
         try:
             self._approach(target, name)
             if near is not None:
@@ -121,10 +123,11 @@ class Motion(Retreat):
 
     def _approach(self, target: Target, name: str) -> None:
         if self._apart(self.here, target.approach):
-            route = self.ways.route(self.here, target.approach, list(target.via))
+            route = self.room.route(self.here, target.approach, list(target.via))
             if not route:
+                hit = self.room.obstruction(self.here, target.approach, list(target.via))
                 raise InTheWay(
-                    f"every way to touch '{name}' leads through the jig from where the robot stands; "
+                    f"no clear way to touch '{name}' was found from where the robot stands: {hit}; "
                     "jog it above the jig, then go on with --resume --trust-position"
                 )
             for q in route:

@@ -7,8 +7,7 @@ import numpy as np
 from identify.model.touch import HIT, Plan
 from probe.line.clock import Clock
 from probe.line.controller import Controller, TouchError
-from probe.motion.joint_path import Target
-from probe.motion.router import Joints
+from probe.motion.joint_path import Joints, Target
 from probe.motion.settings import Settings
 from probe.runs.attempt import Failed, Measured, Motion
 from probe.runs.events import Drifted, Finished, Listener, Retried, Started, Touched, Touching, ignore
@@ -224,11 +223,11 @@ class Execution:
 
     def _known(self, hits: Iterable[Result]) -> Result | None:
         """The first of some touches to which there is a way."""
-        return next((hit for hit in hits if self.motion.ways.route(self.motion.here, self._of(hit.id).approach)), None)
+        return next((hit for hit in hits if self.motion.room.route(self.motion.here, self._of(hit.id).approach)), None)
 
     def _learn(self, reading: Reading, target: Target) -> None:
         self.predictor.learn(reading.q, target.face)
-        self.motion.ways.theta = self.predictor.theta
+        self.motion.room.believe(self.predictor.theta, self.predictor.covariance)
 
     def _near(self, target: Target) -> Joints | None:
         """How far the robot may go before it searches, by what is known; nothing where that is not worth a motion."""

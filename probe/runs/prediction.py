@@ -39,14 +39,14 @@ class Predictor:
         self._model = MeasurementModel(cell.robot)
         self._prior = np.where(np.isfinite(cell.prior), cell.prior, UNKNOWN * cell.scale)
         self.theta = cell.theta.copy()
-        self._covariance = np.diag(self._prior**2)
+        self.covariance = np.diag(self._prior**2)
         self._rows: list[tuple[Float[np.ndarray, " joints"], Face]] = []
 
     def judge(self, q: Float[np.ndarray, " joints"], face: Face) -> Surprise:
         """A new touch at joint values `q` against what is known."""
         rows = self._stack([(q, face)])
         r, J = self._model.linearize(self.theta, rows)
-        variance = float(J[0] @ self._covariance @ J[0] + rows.sigma[0] ** 2)
+        variance = float(J[0] @ self.covariance @ J[0] + rows.sigma[0] ** 2)
         nominal = self._model.residual(self.cell.theta, rows)
         return Surprise(float(nominal[0]), float(r[0]), float(np.sqrt(variance)))
 
@@ -75,7 +75,7 @@ class Predictor:
             pull = (self.cell.theta - self.theta) / self._prior
             step = np.linalg.solve(M, pull - W.T @ (r / rows.sigma))
             self.theta = self.theta + self._prior * step
-        self._covariance = np.linalg.inv(M) * np.outer(self._prior, self._prior)
+        self.covariance = np.linalg.inv(M) * np.outer(self._prior, self._prior)
 
     def _stack(self, touches: list[tuple[Float[np.ndarray, " joints"], Face]], block: int = 1) -> Rows:
         """Rows of the model, filled up to whole blocks with rows that weigh nothing."""

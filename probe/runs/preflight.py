@@ -9,7 +9,7 @@ from identify.model.cell import Cell
 from identify.model.files import InputError, Mistake
 from identify.model.touch import Plan
 from probe.motion.joint_path import Geometry, Target
-from probe.motion.router import Ways
+from probe.motion.room import Room
 from probe.motion.settings import Settings
 
 CLEARANCE = 5.0  # [mm], the least distance of an approach point from its face
@@ -44,7 +44,7 @@ def validate(plan: Plan, cell: Cell, settings: Settings, joints: int | None = No
         for i, target in enumerate(targets)
         for text in _touch(plan, i, target, geometry)
     ]
-    mistakes += [Mistake("plan", 0, text) for text in _moves(plan, targets, geometry)]
+    mistakes += [Mistake("plan", 0, text) for text in _moves(plan, targets, cell)]
     if mistakes:
         raise InputError(mistakes)
     return targets
@@ -109,10 +109,20 @@ def _touch(plan: Plan, i: int, target: Target, geometry: Geometry) -> Iterator[s
         )
 
 
-def _moves(plan: Plan, targets: list[Target], geometry: Geometry) -> Iterator[str]:
-    """The tip must not go through the jig between two approach points, neither as planned nor round about."""
-    ways = Ways(geometry, [q for i in range(len(plan)) for q in plan.way(i)])
-    for a, b in pairwise(targets):
-        way = np.vstack([a.approach, b.via, b.approach])
-        if geometry.blocked(way[:-1], way[1:]).any() and not ways.route(a.approach, b.approach, list(b.via)):
-            yield f"every way from touch '{a.id}' to '{b.id}' leads the tip through the jig; plan the order again"
+def _moves(plan: Plan, targets: list[Target], cell: Cell) -> Iterator[str]:
+    """Arm, torch and wire must not hit anything: not at a touch, and not between two, as planned or round about."""
+    room = Room(cell, [q for i in range(len(plan)) for q in plan.way(i)])
+    met = room.hits([target.face for target in targets], plan.approach, plan.q)
+    for target, hit in zip(targets, met, strict=True):
+        if hit:
+            yield f"touch '{target.id}' cannot be made: {hit}; plan again, or leave it out"
+    legs = [np.vstack([a.approach, b.via, b.approach]) for a, b in pairwise(targets)]
+    standing = [f"touch '{t.id}': {hit}" for t in targets for hit in room.met(np.vstack([t.via, t.approach]))]
+    yield from (f"{hit}; plan again, or leave it out" for hit in standing)
+    if any(met) or standing or not legs:
+        return
+    clear = room.clear(legs)
+    for (a, b), free in zip(pairwise(targets), clear, strict=True):
+        if not free and not room.route(a.approach, b.approach, list(b.via)):
+            hit = room.obstruction(a.approach, b.approach, list(b.via))
+            yield f"no clear way was found from touch '{a.id}' to touch '{b.id}': {hit}; plan the order again"

@@ -4,8 +4,8 @@ from identify.model.cell import Cell
 from identify.model.touch import Plan
 from probe.line.clock import Clock
 from probe.line.controller import Controller, NotReady, Refused, TouchError
-from probe.motion.joint_path import Geometry, Target
-from probe.motion.router import Joints, Ways
+from probe.motion.joint_path import Geometry, Joints, Target
+from probe.motion.room import Room
 from probe.motion.settings import Settings
 from probe.runs.events import Finished, Listener, Started, Touching, ignore
 from probe.runs.preflight import validate
@@ -31,13 +31,14 @@ def rehearse(
     geometry = Geometry(cell, settings)
     here = _ready(controller)
     places = [geometry.beyond(t.contact, t.approach, _far(t, geometry)) for t in targets]
-    ways = Ways(geometry, [q for t, place in zip(targets, places, strict=True) for q in (*t.via, place)])
+    room = Room(cell, [q for t, place in zip(targets, places, strict=True) for q in (*t.via, place)])
     tell(Started(len(targets), 0, controller.name))
     for target, place in zip(targets, places, strict=True):
         tell(Touching(target.id, target.face.name, 1))
-        route = ways.route(here, place, list(target.via))
+        route = room.route(here, place, list(target.via))
         if not route:
-            raise TouchError(f"the way to touch '{target.id}' leads through the jig; jog the robot above the jig first")
+            hit = room.obstruction(here, place, list(target.via))
+            raise TouchError(f"no clear way to touch '{target.id}' was found: {hit}; jog the robot above the jig first")
         for q in route:
             here = _move(controller, geometry, here, q, target)
     finished = Finished(0, len(targets), clock.robot() - began)

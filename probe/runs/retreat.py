@@ -6,7 +6,7 @@ from jaxtyping import Float
 from probe.line.clock import Clock
 from probe.line.controller import Controller, Rebooted, Refused, State, TouchError
 from probe.motion.joint_path import Geometry
-from probe.motion.router import Ways
+from probe.motion.room import Room
 from probe.motion.settings import Settings
 from probe.runs.events import Listener, Waiting
 from probe.runs.records import RETRACTED, Intent, Observation
@@ -27,7 +27,7 @@ class Retreat:
     ) -> None:
         self.controller, self.session, self.settings, self.tell, self.clock = controller, session, settings, tell, clock
         self.geometry = Geometry(session.cell, settings)
-        self.ways = Ways(self.geometry, [q for i in range(len(session.plan)) for q in session.plan.way(i)])
+        self.room = Room(session.cell, [q for i in range(len(session.plan)) for q in session.plan.way(i)])
         self.here: Joints = np.full(controller.joints, np.nan)  # [rad] or [mm]
         self.boot = ""
 
@@ -109,10 +109,12 @@ class Retreat:
             self.clock.sleep(POLL)
 
     def _further(self, came: Intent) -> None:
-        """On along the way back, beyond the approach that it led to."""
+        """On along the way back, beyond the approach that it led to, where arm and torch hit nothing there."""
         origin = came.end if self._apart(came.end, came.back) else came.start
         far = self.geometry.length(origin, came.back) + self.settings.further
         q = self.geometry.beyond(origin, came.back, far)
+        if self.room.obstruction(self.here, q):
+            return
         try:
             self._move(q, came.id, "retract", q, self.geometry.search_speed)
         except Refused as refusal:

@@ -8,6 +8,7 @@ In the order in which data walks through:
     truth     what the robot, the jig and the wire really are
     surfaces  what a wire can touch on a jig
     contact   where a wire first meets the jig on its way
+    collision what arm and torch hit
     arm       the arm behind the encoders: play in its gears, noise in its joints
     batch     all touches of a plan at once, without time and without a port
     clock     controller time against the time of the host

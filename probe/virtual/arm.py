@@ -8,6 +8,8 @@ from jaxtyping import Float
 from identify.model.cell import Cell
 from identify.model.kinematics import Kinematics
 from probe.virtual.batch import joint_spread
+from probe.virtual.collision import MOST as LOOKS
+from probe.virtual.collision import STEP, Collision, Surroundings
 from probe.virtual.contact import INTERVAL, Paths, first_contact, touching
 from probe.virtual.motion import Profile
 from probe.virtual.surfaces import surfaces
@@ -36,6 +38,7 @@ class Trip:
     paths: Paths
     off: Float[np.ndarray, " joints"]  # noise of the joints, part of `paths`
     closed: tuple[Closed, ...]  # in their order
+    collision: Collision | None = None  # of arm or torch
 
     def arm(self, fraction: float) -> Float[np.ndarray, " joints"]:
         """True joints at a fraction."""
@@ -66,6 +69,7 @@ class Arm:
             raise ValueError("a virtual cell needs a jig to touch; name one in cell.yaml (jig: library:step-block)")
         self.cell, self.truth, self.rng = cell, truth, rng
         self.kinematics = Kinematics(truth.robot or cell.robot)  # of its own: it may live in a thread of its own
+        self.surroundings = Surroundings(cell, truth.robot or cell.robot)
         self.surface = surfaces(cell.jig, cell.wire, truth.faces)
         self.sigma = cell.touch.sigma if truth.effects.sigma is None else truth.effects.sigma
         self.noise = joint_spread(cell, truth.effects.joint_noise)
@@ -108,7 +112,13 @@ class Arm:
             leave = at + (1 - at) * self._solid_opening(_rest(paths, at))
             closed.append(Closed(enter, leave, self.surface.names[met[0]]))
             at = leave + step
-        return Trip(paths, self.off, tuple(closed))
+        return Trip(paths, self.off, tuple(closed), self._collision(paths, length))
+
+    def _collision(self, paths: Paths, length: float) -> Collision | None:
+        """What arm or torch hit first, whether or not the wire stops the robot before that."""
+        looks = int(np.clip(length / STEP, 2, LOOKS))
+        q = paths.at(np.zeros(looks, dtype=int), np.linspace(0.0, 1.0, looks))
+        return self.surroundings.first(q, self.theta)
 
     def _length(self, start: np.ndarray, end: np.ndarray) -> float:
         """A bound on the way of the tip [mm]."""

@@ -5,13 +5,14 @@ each motion that begins in the open. A contact trips the relay after its delay, 
 the encoders then, and every motion brakes. All times are controller time in seconds.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
 from probe.virtual.arm import Arm, Trip
+from probe.virtual.collision import Collision
 from probe.virtual.motion import Profile, straight
 from probe.virtual.parked import parked
 from probe.virtual.records import CONTACT, MOVE, NEVER, NOCONTACT, OK, SEARCH, Executed, Health, Outcome, Truly
@@ -34,6 +35,11 @@ class _Motion:
     text: str = ""
     tripped: float = NEVER  # [s], the servo step at which the controller sees the contact
 
+    @property
+    def collides(self) -> float:
+        """When arm or torch hit something; never, where the motion ends before."""
+        return NEVER if self.trip.collision is None else self.profile.time(self.trip.collision.fraction)
+
     def at(self, time: float) -> Float[np.ndarray, " joints"]:
         return self.start + self.profile.at(time)[0] * (self.target - self.start)
 
@@ -50,6 +56,7 @@ class VirtualRobot:
     health: Health = field(default_factory=Health)
     executed: list[Executed] = field(default_factory=list)
     touches: list[Truly] = field(default_factory=list)
+    collisions: list[Collision] = field(default_factory=list)  # of arm and torch, each of which stopped the robot
 
     def __post_init__(self) -> None:
         robot = self.cell.robot
@@ -91,7 +98,7 @@ class VirtualRobot:
         """When something happens next by itself [s]."""
         if self._motion is None:
             return NEVER
-        return min(self._motion.tripped, self._motion.profile.end)
+        return min(self._motion.tripped, self._motion.collides, self._motion.profile.end)
 
     @property
     def contact(self) -> bool:
@@ -197,12 +204,23 @@ class VirtualRobot:
         while self._motion is not None and self.due <= time:
             motion = self._motion
             self.time = max(self.time, self.due)
-            if motion.tripped <= motion.profile.end:
+            if motion.collides <= min(motion.tripped, motion.profile.end):
+                self._collide(motion)
+            elif motion.tripped <= motion.profile.end:
                 self._trip(motion)
             else:
                 return self._finish(motion, time)
         self.time = max(self.time, time)
         return None
+
+    def _collide(self, motion: _Motion) -> None:
+        """Arm or torch hit something: the drives trip, and only a person goes on from there."""
+        collision = motion.trip.collision
+        assert collision is not None, "a collision is foreseen"
+        self.collisions.append(collision)
+        motion.trip, motion.tripped = replace(motion.trip, collision=None), NEVER
+        motion.code, motion.text, self.health.estop = "ESTOP", str(collision), True
+        motion.profile = motion.profile.stopped(self.time)
 
     def _trip(self, motion: _Motion) -> None:
         """The controller sees the contact: a search latches, a move ends EARLY, both brake."""

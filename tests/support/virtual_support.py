@@ -4,6 +4,7 @@ import numpy as np
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
+from probe.virtual.collision import Surroundings
 
 FACES = ("top-low", "top-high", "front-low", "front-high", "right-low", "right-high", "left-low", "back-high")
 STARTS = 6
@@ -23,10 +24,21 @@ def make_plan(cell: Cell, count: int, seed: int = 1, inset: float = 30.0, max_ti
     away = tip[chosen] + cell.touch.approach * normal[chosen]
     approach = solve(cell, q, away, axis[chosen], 15)
     near = reached(cell, approach, away, axis[chosen], margin=0.0) & (np.abs(approach - q).max(axis=1) < 0.5)
+    near[near] = [untouched(cell, *way) for way in zip(approach[near], q[near], strict=True)]
     keep, at = np.flatnonzero(near)[:count], chosen[near][:count]
     assert len(keep) == count, f"{len(keep)} of {count} touches found"
     ids = tuple(f"t{i + 1:03d}" for i in range(count))
     return Plan(ids, tuple(face[i] for i in at), point[at], normal[at], q[keep], approach[keep])
+
+
+def untouched(cell: Cell, start: np.ndarray, end: np.ndarray) -> bool:
+    """Whether arm and torch of the nominal robot hit nothing on the straight way, nor come near it, by themselves."""
+    around = Surroundings(cell, cell.robot)
+    q = start + np.linspace(0, 1, 9)[:, None] * (end - start)
+    return all(
+        around.first(q + shift, cell.theta) is None
+        for shift in (0.0, *(0.01 * np.eye(len(end))), *(-0.01 * np.eye(len(end))))
+    )
 
 
 def _targets(
