@@ -137,8 +137,8 @@ def encounter(clearance: Clearance, q: Joints, hit: int) -> str:
         solid = clearance.solids[hit]
         gap = np.stack([solid.point(p.T) for p in along]) - clearance.radius[:, None]
         gap[[c.link == 0 for c in clearance.capsules]] = np.inf
-        i, k = np.unravel_index(int(np.argmin(gap)), gap.shape)
-        return f"{_body(clearance, int(i))} and {solid.name} meet near {_place(along[i, k])}"
+        one, point = np.unravel_index(int(np.argmin(gap)), gap.shape)
+        return f"{_body(clearance, int(one))} and {solid.name} meet near {_place(along[one, point])}"
     away = np.array([np.linalg.norm(along[i][:, None] - along[j], axis=2).min() for i, j in clearance.pairs])
     i, j = clearance.pairs[int(np.argmin(away - [clearance.radius[[i, j]].sum() for i, j in clearance.pairs]))]
     k = int(np.linalg.norm(along[i][:, None] - along[j], axis=2).min(axis=1).argmin())

@@ -113,7 +113,7 @@ class Retreat:
         origin = came.end if self._apart(came.end, came.back) else came.start
         far = self.geometry.length(origin, came.back) + self.settings.further
         q = self.geometry.beyond(origin, came.back, far)
-        if self.room.obstruction(self.here, q):
+        if self.room.met(np.linspace(self.here, q, 5)):
             return
         try:
             self._move(q, came.id, "retract", q, self.geometry.search_speed)

@@ -98,13 +98,15 @@ def test_a_row_is_on_the_disk_before_the_next_approach_begins(bench: Bench) -> N
     original = bench.robot.move
 
     def watched(q: np.ndarray, rate: float) -> np.ndarray:
-        seen.append(len(bench.path.read_text().splitlines()) - 1)
+        seen.append((q, len(bench.path.read_text().splitlines()) - 1))
         return original(q, rate)
 
     bench.robot.move = watched  # type: ignore[method-assign]
     bench.run()
 
-    assert seen[1:] == [i // 2 + (i % 2) for i in range(0, 2 * len(bench.plan) - 1)]  # retract, approach, retract ...
+    for i, approach in enumerate(bench.plan.approach):
+        assert i in [rows for q, rows in seen if np.abs(q - approach).max() < 1e-6]
+    assert [rows for _, rows in seen] == sorted(rows for _, rows in seen)
 
 
 def test_the_listener_can_draw_a_table(bench: Bench) -> None:
@@ -160,18 +162,33 @@ def test_a_plan_that_does_not_fit_is_refused_before_anything_moves(
     assert bench.robot.log == []
 
 
-def test_a_plan_whose_way_leads_through_the_jig_is_refused(bench: Bench, cell: Cell) -> None:
-    assert cell.jig is not None
-    plan, geometry = clear_plan(cell, 30, seed=3), Geometry(cell, USUAL)
-    crossing = [(i, j) for i in range(30) for j in range(30) if geometry.inside(plan.approach[i], plan.approach[j])]
+def test_a_plan_that_goes_where_arm_or_torch_hit_is_refused_with_touch_bodies_and_place(bench: Bench) -> None:
+    plan, jig = bench.plan, bench.cell.jig
+    assert jig is not None
+    low = next(i for i, face in enumerate(plan.face) if jig.by_name[face].normal[2] == 1)
+    deep = plan.approach[low] + 6 * (plan.q[low] - plan.approach[low])  # on along the search, far into the jig
+    via = np.full((len(plan), 1, 6), np.nan)
+    via[low, 0] = deep
 
-    with pytest.raises(InputError, match="leads the tip through the jig"):
-        bench.run(plan=plan.take(np.array(crossing[0])))
+    with pytest.raises(InputError, match=rf"touch '{plan.ids[low]}': .* and box \d meet near \(.*\) mm; plan again"):
+        bench.run(plan=replace(plan, via=via))
 
     assert bench.robot.log == []
 
 
-def test_where_the_jig_lies_between_the_robot_goes_round_over_other_approaches(bench: Bench, cell: Cell) -> None:
+def test_where_no_clear_way_leads_on_the_plan_is_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, geometry = clear_plan(bench.cell, 30, seed=3), Geometry(bench.cell, USUAL)
+    pairs = ((i, j) for i in range(30) for j in range(30) if i != j)
+    crossing = next(pair for pair in pairs if hidden(geometry, plan.approach[list(pair)]))
+    monkeypatch.setattr("probe.motion.roadmap.lifts", lambda edges, q: np.full_like(q, np.nan))  # no way over it
+
+    with pytest.raises(InputError, match=r"no clear way was found from touch .* meet near \("):
+        bench.run(plan=plan.take(np.array(crossing)))
+
+    assert bench.robot.log == []
+
+
+def test_where_the_jig_lies_between_the_robot_goes_round(bench: Bench, cell: Cell) -> None:
     plan, geometry = clear_plan(cell, 30, seed=3), Geometry(cell, USUAL)
     at, first = next((i, j) for i in range(30) for j in range(24) if hidden(geometry, plan.approach[[i, j]]))
     bench.world.q = plan.approach[at].copy()
@@ -294,7 +311,7 @@ def test_a_touch_that_breaks_a_rule_does_not_count_and_says_which(
 ) -> None:
     bench.robot.fail = [None, order(bench)]
 
-    finished = bench.run(replace(USUAL, stop_time=0.03))
+    finished = bench.run(replace(USUAL, stop_time=0.06))
 
     assert finished.hits == 8
     assert len(bench.reasons()) == 1
