@@ -30,7 +30,7 @@ from probe.motion.distances import (
     slices,
 )
 from probe.motion.link_pairs import link_pairs
-from probe.motion.obstacles import Obstacle, obstacles
+from probe.motion.obstacles import Obstacle, boxes_around, obstacles
 from probe.motion.torch import STICKOUT, torch
 
 if TYPE_CHECKING:
@@ -93,16 +93,7 @@ class Clearance:
     @cached_property
     def boxes(self) -> tuple[Boxes, ...]:
         """The boxes around all obstacles, those with the same axes together."""
-        groups = dict[bytes, list[int]]()
-        for k, solid in enumerate(self.solids):
-            groups.setdefault(b"" if solid.axes is None else solid.axes.tobytes(), []).append(k)
-        out = []
-        for group in groups.values():
-            parts = [self.solids[k].parts for k in group]
-            owner = np.repeat(group, [len(low) for low, _ in parts])
-            lower, upper = (np.concatenate([part[side] for part in parts]).T for side in (0, 1))
-            out.append(Boxes(self.solids[group[0]].axes, lower, upper, owner))
-        return tuple(out)
+        return boxes_around(self.solids)
 
     @cached_property
     def _pairs(self) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
@@ -126,7 +117,13 @@ class Clearance:
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Capsules that could hit each other."""
-        return link_pairs(self)
+        return link_pairs(self.cell.robot, self.capsules, len(self.bodies), self.frames, self._overlapping)
+
+    def _overlapping(self, i: int, j: int, frames: Frames, rows: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " some"]:
+        """Of postures in which two capsules overlap, those in which the shapes do."""
+        if self.exact is None or not self.shaped((i, j, None)):
+            return rows
+        return rows[self.exact.near((i, j, None), frames, rows, np.zeros(len(rows)))]
 
     def frames(self, q: Float[np.ndarray, "postures joints"]) -> Frames:
         """Where the links are, in the jig frame [mm]."""

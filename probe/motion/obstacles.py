@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from identify.model.jig import Face, Jig
 from identify.model.shape import Shape
 from probe.motion.clusters import clusters
-from probe.motion.distances import Points, point_box, segment_box
+from probe.motion.distances import Boxes, Points, point_box, segment_box
 
 PROBE = 1.0  # [mm] before and behind the middle of a face, to find the solid that it belongs to
 PARTS = 32  # boxes around a mesh that stands still
@@ -63,6 +63,20 @@ def obstacles(jig: Jig, others: Sequence[Shape] = ()) -> tuple[Obstacle, ...]:
     boxes = [Obstacle(np.array(box.lower), np.array(box.upper), name=f"box {i + 1}") for i, box in enumerate(jig.boxes)]
     plates = [] if jig.boxes or jig.obstacles else [_plate(face) for face in jig.faces]
     return (*boxes, *plates, *(_obstacle(shape) for shape in (*jig.obstacles, *others)))
+
+
+def boxes_around(solids: Sequence[Obstacle]) -> tuple[Boxes, ...]:
+    """The boxes around obstacles, those with the same axes together."""
+    groups = dict[bytes, list[int]]()
+    for k, solid in enumerate(solids):
+        groups.setdefault(b"" if solid.axes is None else solid.axes.tobytes(), []).append(k)
+    out = []
+    for group in groups.values():
+        parts = [solids[k].parts for k in group]
+        owner = np.repeat(group, [len(low) for low, _ in parts])
+        lower, upper = (np.concatenate([part[side] for part in parts]).T for side in (0, 1))
+        out.append(Boxes(solids[group[0]].axes, lower, upper, owner))
+    return tuple(out)
 
 
 def _obstacle(shape: Shape) -> Obstacle:
