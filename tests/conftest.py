@@ -8,6 +8,7 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +25,8 @@ from identify.model.io.description import library, read_cell, read_jig, read_rob
 from identify.model.jig import Jig
 from oed.cli import main
 from probe.controllers.linuxcnc import LinuxCNC
+from probe.virtual.collision import Surroundings
+from probe.virtual.robot import VirtualRobot
 
 # the same examples on every run, and no deadline: this machine may be busy
 settings.register_profile("touchcal", deadline=None, derandomize=True, max_examples=50)
@@ -50,6 +53,25 @@ def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20240)
+
+
+@pytest.fixture(autouse=True)
+def unhurt(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """No virtual robot hits anything with arm or torch in a test that is not about that.
+
+    A test marked `collides` expects it; in one marked `ghost` arm and torch pass through everything.
+    """
+    collisions, collide = list[str](), VirtualRobot._collide
+
+    def noted(robot: VirtualRobot, motion: Any) -> None:
+        collisions.append(str(motion.trip.collision))
+        collide(robot, motion)
+
+    monkeypatch.setattr(VirtualRobot, "_collide", noted)
+    if request.node.get_closest_marker("ghost"):
+        monkeypatch.setattr(Surroundings, "first", lambda surroundings, q, theta: None)
+    yield
+    assert not collisions or request.node.get_closest_marker("collides"), collisions
 
 
 @pytest.fixture

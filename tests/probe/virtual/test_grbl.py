@@ -199,6 +199,7 @@ def test_a_message_comes_back_as_the_mark_to_count_from(desk):
     assert desk.say("G90 (MSG,x) (other)\n") == ["[MSG:x]", "ok"]
 
 
+@pytest.mark.ghost
 def test_the_probe_input_is_not_watched_during_a_move(desk):
     desk.say(f"G1{desk.words(desk.end)}F300\n")
     desk.wait(120)

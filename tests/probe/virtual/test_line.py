@@ -330,6 +330,7 @@ def test_any_bytes_leave_the_controller_answering_and_the_robot_where_it_was(des
     assert np.array_equal(desk.robot.q, before)
 
 
+@pytest.mark.ghost
 @pytest.mark.parametrize("name", library("robots"))
 def test_every_robot_of_the_library_moves_at_its_rate_and_no_line_is_too_long(name, arc_welder):
     robot = read_robot(library("robots")[name])

@@ -172,6 +172,7 @@ def test_a_motion_takes_its_way_at_its_rate_and_never_goes_back(arc_welder, plan
     assert [profile.time(f) for f in fraction[1:-1:100]] == pytest.approx(times[1:-1:100])
 
 
+@pytest.mark.ghost
 def test_the_contact_reads_what_the_jig_says_wherever_a_robot_is_driven_that_does_not_look(arc_welder, exact, rng):
     corner, surface = np.array([350.0, 250.0, 80.0]), surfaces(arc_welder.jig, arc_welder.wire)
     kinematics, none = arc_welder.kinematics, np.zeros(1)
@@ -265,6 +266,7 @@ def test_a_restart_that_loses_the_position_refuses_to_move_until_homed(arc_welde
     assert robot.move(plan.approach[0] + 0.01, SLOW).kind == "OK"
 
 
+@pytest.mark.ghost
 def test_a_broken_wire_feels_nothing_and_a_stuck_contact_feels_always(arc_welder, exact, plan):
     broken, stuck = robot_at(arc_welder, exact, plan), robot_at(arc_welder, exact, plan)
     broken.health.open, stuck.health.stuck = True, True
@@ -321,3 +323,17 @@ def test_a_robot_that_truly_bends_touches_where_it_truly_is(arc_welder, plan):
     height = face.normal @ position[0] - face.offset - arc_welder.wire.radius * np.sqrt(1 - lean**2)
     assert abs(height) < 0.01  # [mm], what it moves in a servo step
     assert np.linalg.norm(position[0] - tip(arc_welder, robot.touches[0].arm)) > 0.5
+
+
+@pytest.mark.collides
+def test_an_arm_that_hits_the_table_stops_the_robot_and_is_recorded_though_the_wire_is_clear(arc_welder, exact, rng):
+    start = parked(arc_welder)
+    fallen = start + np.radians([0, 90, 0, 0, 0, 0])  # the upper arm goes down with all that hangs on it
+    robot = VirtualRobot(arc_welder, exact, rng, start=start)
+
+    outcome = robot.move(np.clip(fallen, arc_welder.robot.lower, arc_welder.robot.upper), SLOW)
+
+    assert outcome.kind == "ESTOP"
+    assert " has hit " in outcome.text
+    assert len(robot.collisions) == 1
+    assert robot.move(start, SLOW).kind == "ESTOP"  # a person has to look first
