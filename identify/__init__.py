@@ -3,11 +3,11 @@
 The front, loaded when it is used:
 
     read_cell(path), read_robot, read_jig, library       what cell, robot and jig files describe
-    read_touches(path, cell), read_positions, read_plan  measurements and plans
+    read_measurements(path, cell), read_plan             measurements of any kind (read_touches, read_positions), plans
     calibrate(cell, *measured)                           a Calibration; read_calibration, write_calibration
     verify(calibration, *measured)                       errors where the fit has not looked
     compensate(calibration, poses)                       joints and command poses
-    fix, export, locate, judge, report                   programs, other formats, workpieces, health, a page
+    fix, locate, judge                                   programs, workpieces, health
     Cell, Plan, Touches, Positions, InputError           what these functions take and raise
 
 Its rooms, in the order in which data walks through:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from identify.compensation.compensate import compensate as compensate
     from identify.estimation.calibrate import calibrate as calibrate
     from identify.estimation.verification import verify as verify
-    from identify.export.exporting import export as export
     from identify.health.judge import judge as judge
     from identify.model.cell import Cell as Cell
     from identify.model.files import InputError as InputError
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
     from identify.model.io.description import read_cell as read_cell
     from identify.model.io.description import read_jig as read_jig
     from identify.model.io.description import read_robot as read_robot
+    from identify.model.io.measurements import read_measurements as read_measurements
     from identify.model.io.tables import read_plan as read_plan
     from identify.model.io.tables import read_positions as read_positions
     from identify.model.io.tables import read_touches as read_touches
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from identify.model.touch import Positions as Positions
     from identify.model.touch import Touches as Touches
     from identify.programs.fixing import fix as fix
-    from identify.report.report import report as report
     from identify.workpiece.localization import locate as locate
 
 _FRONT = {
@@ -59,6 +58,7 @@ _FRONT = {
     "model.touch": "Plan Positions Touches",
     "model.io.calibration_file": "Calibration read_calibration write_calibration",
     "model.io.description": "library read_cell read_jig read_robot",
+    "model.io.measurements": "read_measurements",
     "model.io.tables": "read_plan read_positions read_touches",
     "estimation.calibrate": "calibrate",
     "estimation.verification": "verify",
@@ -66,8 +66,6 @@ _FRONT = {
     "workpiece.localization": "locate",
     "health.judge": "judge",
     "programs.fixing": "fix",
-    "export.exporting": "export",
-    "report.report": "report",
 }
 if not TYPE_CHECKING:
     __getattr__, __dir__ = front(__name__, _FRONT)

@@ -27,6 +27,8 @@ def test_a_name_that_type_checkers_see_is_that_of_its_module(package):
     for name, module in declared(package).items():
         assert getattr(front, name) is getattr(import_module(module), name)
         assert name in dir(front)
+    rooms = {path.parent.name for path in Path(front.__file__).parent.glob("*/__init__.py")}
+    assert rooms.isdisjoint(declared(package))  # a room that is loaded hides a function of its name
     assert {name for names in front._FRONT.values() for name in names.split()} == set(declared(package))
 
 
