@@ -27,6 +27,7 @@ Its rooms, in the order in which data walks through:
     beyond          Does the choice of joint errors find what a robot has, and nothing else?
     campaign        Does touching by turns keep its promise, and does it need fewer touches than one shot?
     readme          studies/README.md, made from the scripts
+    examples        short programs to start from
 """
 
 from pathlib import Path

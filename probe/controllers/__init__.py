@@ -43,7 +43,8 @@ class _Overheard:
     """A transport that keeps the first bytes it hears."""
 
     def __init__(self, inner: Transport, expected: str) -> None:
-        self.url, self.heard, self.expected, self._inner = inner.url, b"", expected, inner
+        self.url, self.heard, self._inner = inner.url, b"", inner
+        self.expected = expected if expected in VOICES else ""  # nobody knows what a controller of the user's own says
         self.write, self.reopen, self.close = inner.write, inner.reopen, inner.close
 
     def read(self, timeout: float) -> bytes:

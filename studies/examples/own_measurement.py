@@ -1,0 +1,41 @@
+"""A kind of measurement of one's own: a height gauge, which reads z of the tip in the jig frame."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+import identify
+import oed
+import probe
+from identify.model.cell import Wire
+from identify.model.measurement import MEASUREMENTS, Kind, Measured, Places, Rows
+from identify.model.touch import Table
+
+
+@dataclass(frozen=True, eq=False)
+class Heights(Table):
+    """Heights z of the tip [mm] at joint values q [rad], 1 sigma."""
+
+    ids: tuple[str, ...]
+    q: np.ndarray
+    z: np.ndarray
+    sigma: np.ndarray
+    placement = tool = None
+
+
+def height_rows(wire: Wire, heights: Heights, places: Places) -> Rows:
+    """Equation z . tip = height, one row a reading."""
+    m = len(heights)
+    return Rows(heights.q, np.eye(3)[[2] * m], heights.z, np.zeros(m), heights.sigma, heights.ids, np.arange(m))
+
+
+MEASUREMENTS["height"] = Kind(Heights, height_rows, ("z_mm",), "a height gauge")
+cell, rng = identify.read_cell(identify.library("cells")["arc-welder"]), np.random.default_rng(3)
+truth = probe.draw_truth(cell, rng, scale=0.1)
+touches = probe.touch_batch(cell, truth, oed.plan(cell, 40, rng=rng, count=1500).plan, rng)
+z = cell.kinematics.tip(touches.q, truth.theta)[0][:, 2] + 0.02 * rng.standard_normal(40)
+heights = cast(Measured, Heights(tuple(f"h{i}" for i in range(40)), touches.q, z, np.full(40, 0.02)))
+for measured in ([touches], [touches, heights]):
+    calibration = identify.calibrate(cell, *measured)
+    print(f"{len(calibration.residuals)} measurements, z of the base to {calibration.sigma[2]:.3f} mm")
