@@ -24,8 +24,8 @@ ROOMS = {
 }  # fmt: skip
 DOORS = ("identify.model", "identify.uncertainty")  # what probe, and planning apart from the closed loop, may see
 CLOSED_LOOP = ("oed.planning", "oed.campaigns", "oed.cli")  # they see the rest of identify and probe
-SYMBOLS = (  # where CasADi stands: the model, and what builds an NLP
-    "identify.model", "identify.estimation", "identify.compensation", "oed.refinement",
+SYMBOLS = (  # where CasADi stands: the model, what builds an NLP, and an example of a joint error
+    "identify.model", "identify.estimation", "identify.compensation", "oed.refinement", "studies.examples",
 )  # fmt: skip
 MODULES, LINES, FUNCTION = 20, 300, 60  # in a folder, of a file, of a function: at most
 

@@ -8,26 +8,24 @@ import numpy as np
 import identify
 import oed
 import probe
-from identify.model.cell import Wire
-from identify.model.measurement import MEASUREMENTS, Kind, Measured, Places, Rows
+from identify.model.measurement import MEASUREMENTS, Kind, Measured, Rows
 from identify.model.touch import Table
 
 
 @dataclass(frozen=True, eq=False)
 class Heights(Table):
-    """Heights z of the tip [mm] at joint values q [rad], 1 sigma."""
+    """Heights z of the tip [mm] at joint values q [rad], to 0.02 mm."""
 
     ids: tuple[str, ...]
     q: np.ndarray
     z: np.ndarray
-    sigma: np.ndarray
     placement = tool = None
 
 
-def height_rows(wire: Wire, heights: Heights, places: Places) -> Rows:
+def height_rows(wire: object, heights: Heights, places: object) -> Rows:
     """Equation z . tip = height, one row a reading."""
     m = len(heights)
-    return Rows(heights.q, np.eye(3)[[2] * m], heights.z, np.zeros(m), heights.sigma, heights.ids, np.arange(m))
+    return Rows(heights.q, np.eye(3)[[2] * m], heights.z, np.zeros(m), np.full(m, 0.02), heights.ids, np.arange(m))
 
 
 MEASUREMENTS["height"] = Kind(Heights, height_rows, ("z_mm",), "a height gauge")
@@ -35,7 +33,7 @@ cell, rng = identify.read_cell(identify.library("cells")["arc-welder"]), np.rand
 truth = probe.draw_truth(cell, rng, scale=0.1)
 touches = probe.touch_batch(cell, truth, oed.plan(cell, 40, rng=rng, count=1500).plan, rng)
 z = cell.kinematics.tip(touches.q, truth.theta)[0][:, 2] + 0.02 * rng.standard_normal(40)
-heights = cast(Measured, Heights(tuple(f"h{i}" for i in range(40)), touches.q, z, np.full(40, 0.02)))
+heights = cast(Measured, Heights(tuple(f"h{i}" for i in range(40)), touches.q, z))
 for measured in ([touches], [touches, heights]):
     calibration = identify.calibrate(cell, *measured)
     print(f"{len(calibration.residuals)} measurements, z of the base to {calibration.sigma[2]:.3f} mm")
