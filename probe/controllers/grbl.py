@@ -2,24 +2,46 @@
 
 GRBL counts its answers by nothing but their order, and one line too many shifts them all: so no answer is believed by
 its place. Every command is followed by a message that GRBL echoes when it gets there, and a touch is what GRBL printed
-between and prints again when asked. Moves are guarded like searches, but for those that begin in contact. GRBL has no
-deadman and no checksums: a motion goes on to its end, or to the contact, where the line breaks, and a spoiled command
-is noticed by where it leads. `$` settings are never written; `$X` and `$H` only on request.
+between and prints again when asked.
+
+GRBL has no checksums either. So a target is first written as a tool offset (G43.1, which moves nothing and is forgotten
+at a reset) with feed and modes, read back (`$#`, `$G`), and sent again where GRBL understood something else. The motion
+itself is to zero: of its line a lost byte is an error, and a changed digit leads less than one axis unit astray, which
+the watch on the motion ends. A GRBL without tool offsets on all axes is driven slowly enough for the watch alone.
+Moves are guarded like searches, but for those that begin in contact. There is no deadman: the host stops the robot. `$`
+settings are never written; `$X` and `$H` only on request.
 """
+
+import secrets
 
 import numpy as np
 from jaxtyping import Float
 
 from identify.model.robot import Robot
 from probe.controllers.grbl_link import GrblLink
-from probe.controllers.grbl_words import OFFSETS, Probe, motion, numbers, read_probe, refusal
+from probe.controllers.grbl_words import (
+    OFFSETS,
+    SAME_PLACE,
+    Probe,
+    Report,
+    axis_words,
+    numbers,
+    offset,
+    read_probe,
+    refusal,
+    trigger,
+)
 from probe.line.clock import Clock
 from probe.line.controller import Contact, Latch, LinkLost, NoContact, Refused, State
 from probe.line.transcript import Transport
+from probe.line.watch import Watch
 
 NOWHERE = 0.002  # [axis units]
 SLACK = 10.0  # [s] beyond the expected duration of a motion before it is stopped
 HOMING = 180.0  # [s]
+ARRIVED = 0.02  # [deg] or [mm]
+TRIES = 5  # of a target that GRBL understands wrongly
+SLOW = 1.0  # [deg/s] where a target cannot be checked: the watch stops it within 0.1 deg
 
 
 class Grbl:
@@ -38,6 +60,7 @@ class Grbl:
         self._unit = np.where(robot.prismatic, 1.0, np.radians(axis_unit_deg))
         self._degree = robot.joint_unit()  # [rad] or [mm]
         self._unlock, self._home, self._number = unlock, home, 0
+        self._checks = True  # whether GRBL says which target it understood
 
     def connect(self) -> None:
         """Find GRBL and check that it can be worked with; raises LinkLost, or Refused where it cannot."""
@@ -54,11 +77,12 @@ class Grbl:
         link.settle(4 * link.silence)
         said = link.told("$#") + link.told("$$")
         for name, values in (found.groups() for line in said if (found := OFFSETS.fullmatch(line))):
-            if name in ("G54", "G92", "TLO") and np.any(numbers(values)):
+            if name in ("G54", "G92") and np.any(numbers(values)):
                 raise Refused("SYNTAX", f"{name} offsets its axes by {values}; set it to zero at the controller")
         if "$13=1" in said:
             raise Refused("SYNTAX", "it reports inches ($13=1); set $13=0 at the controller")
         link.adopt()
+        self._checks = self._understood(np.full(self.joints, 0.001 * (1 + secrets.randbelow(999))), 100.0)
 
     @property
     def sequence(self) -> int:
@@ -91,6 +115,8 @@ class Grbl:
         stands = self.state()
         if probe is None:
             raise Refused("NOTREACHED", "the answer was lost")
+        if not probe.success and np.abs((stands.q - q) / self._degree).max() > ARRIVED:
+            raise Refused("NOTREACHED", "the search ended before its target")
         if not probe.success:
             return NoContact(stands.q)
         return Contact(probe.position * self._unit, stands.q, self.link.boot, self._number)
@@ -114,19 +140,52 @@ class Grbl:
         if not before.homed:
             raise Refused("UNHOMED", "GRBL is locked by an alarm")
         self._number += 1
-        seconds = max(float(np.max(np.abs(q - before.q) / self._degree)) / np.degrees(rate), 0.01)
+        start, end = before.q / self._degree, q / self._degree
+        degrees = float(np.degrees(rate)) if self._checks else min(float(np.degrees(rate)), SLOW)
+        seconds = max(float(np.abs(end - start).max()) / degrees, 0.01)
+        line = self._prepared(
+            word, q / self._unit, max(60.0 * float(np.linalg.norm((q - before.q) / self._unit)) / seconds, 1.0)
+        )
+        watch = Watch(start, end, degrees, self.link.clock, from_contact=before.contact)
+
+        def astray(report: Report) -> str:
+            return watch.objection(report.position * self._unit / self._degree, report.probe)
+
         try:
-            said = self.link.told(motion(word, q / self._unit, seconds), seconds + SLACK, still=True)
+            said = self.link.told(line, seconds + SLACK, astray)
         except LinkLost:
-            self.link.patiently(lambda: self.link.settle(seconds + self.link.patience))
+            self.link.patiently(self.link.halt)
             self.link.same_boot()
             raise Refused("NOTREACHED", "the line broke, and with it the answer") from None
-        for line in said:
-            if (refused := refusal(line)) is not None:
-                raise Refused(*refused)
         heard = [probe.text for line in said if (probe := read_probe(line, self.joints))]
+        for line in said:
+            if (refused := refusal(line)) is not None and not (line == SAME_PLACE and heard):
+                raise Refused(*refused)
         if word == "G1" or not heard:
             return None
         again = self.link.patiently(lambda: self.link.told("$#"))
         probes = [probe for line in again if (probe := read_probe(line, self.joints))]
-        return probes[0] if [probe.text for probe in probes] == heard else None
+        return probes[0] if {probe.text for probe in probes} == set(heard) else None
+
+    def _prepared(self, word: str, target: Float[np.ndarray, " joints"], feed: float) -> str:
+        """The line that begins a motion [axis units, axis units/min], once GRBL has understood its target."""
+        if not self._checks:
+            return f"G90G94{word}{axis_words(target)}F{feed:.3f}"
+        for _ in range(TRIES):
+            if self.link.patiently(lambda: self._understood(target, feed)):
+                return trigger(word, self.joints, feed, self.link.speed)
+        raise Refused("LOST", "GRBL understands another target than it was told; is the line disturbed?")
+
+    def _understood(self, target: Float[np.ndarray, " joints"], feed: float) -> bool:
+        """Write target and feed without a motion, and see whether GRBL has them."""
+        self.link.told(offset(target, feed, f"S{self.link.speed}"))
+        said = [found for line in self.link.told("$#") if (found := OFFSETS.fullmatch(line)) and found[1] == "TLO"]
+        modes = self.link.modes()
+        fed = [float(word[1:]) for word in modes if word.startswith("F") and word[1:].replace(".", "", 1).isdecimal()]
+        return (
+            len(said) == 1
+            and np.array_equal(numbers(said[0][2]), np.round(target, 3) + 0.0)
+            and {"G21", "G90", "G94"} <= set(modes)
+            and len(fed) == 1
+            and abs(fed[0] - feed) <= max(1.0, 0.01 * feed)
+        )

@@ -4,7 +4,9 @@ import secrets
 from collections.abc import Callable, Iterator
 from typing import NoReturn
 
-from probe.controllers.grbl_words import Report, numbers, read_report, refusal
+import numpy as np
+
+from probe.controllers.grbl_words import Report, numbers, offset, read_report, refusal
 from probe.line.clock import Clock
 from probe.line.controller import LinkLost, Rebooted, Refused
 from probe.line.framing import Lines
@@ -12,34 +14,38 @@ from probe.line.patience import T, patiently
 from probe.line.transcript import Transport
 
 LONGEST = 500  # [bytes] of a line of GRBL
-HIGHEST_TOOL = 255  # of GRBL 1.1
+IDENTITY, HIGHEST = "TS", 255  # words that may keep the boot; the highest tool number of GRBL 1.1
 RESET = b"\x18"
 STILL = ("Idle", "Alarm", "Hold")
 
 
 class GrblLink:
-    """A line to GRBL. The boot is kept in its tool number, which nothing else uses and every reset forgets."""
+    """A line to GRBL.
+
+    The boot is kept in a word of its parser that nothing else uses and every reset forgets: the tool number, or, where
+    a tool is taken over by M6 only, the speed of a spindle that is off.
+    """
 
     def __init__(self, transport: Transport, clock: Clock, joints: int) -> None:
         self.transport, self.clock, self.joints = transport, clock, joints
-        self.poll = clock.at_least(0.1, 0.01)
+        self.poll = clock.at_least(0.05, 0.01)
         self.silence = clock.at_least(1.0, 0.5)
-        self.patience = clock.at_least(20.0, 5.0)
+        self.patience = clock.at_least(3.0, 3.0)
         self.boot = ""
-        self._kept = False  # whether the tool number holds the boot
+        self._kept = False  # whether GRBL keeps the boot
         self._lines = Lines(LONGEST)
 
-    def told(self, line: str, seconds: float = 0.0, *, still: bool = False) -> list[str]:
+    def told(self, line: str, seconds: float = 0.0, watch: Callable[[Report], str] | None = None) -> list[str]:
         """What GRBL says to a line, up to the echo of a message sent behind it.
 
-        With `still`, that is when the robot stands again. Raises LinkLost, Rebooted, or Refused where the echo does
-        not come or takes longer than `seconds`.
+        With a `watch`, that is when the robot stands again; what the watch says against a report stops the robot.
+        Raises LinkLost, Rebooted, or Refused where the echo does not come or takes longer than `seconds`.
         """
         tag = f"t{secrets.token_hex(3)}"
-        wait = "G4 P0.01\n" if still else ""  # G1 is answered when it is queued: wait until the queue is empty
+        wait = "G4P.01\n" if watch else ""  # G1 is answered when it is queued: wait until the queue is empty
         self._send(f"{line}\n{wait}(MSG,{tag})\n".encode())
         said, idle = list[str](), 0
-        asked = heard = self.clock.now()
+        asked = heard = asked_first = self.clock.now()
         until = asked + max(seconds, self.silence) + self.silence
         while True:
             for text in self._listen(self.poll):
@@ -50,7 +56,11 @@ class GrblLink:
                 if report is None:
                     said.append(text)
                 else:
-                    idle = idle + 1 if report.state in STILL else 0
+                    late = report.state == "Idle" and self.clock.now() < asked_first + seconds  # said before it began
+                    idle = idle + 1 if report.state in STILL and not late else 0
+                    if watch and report.state == "Run" and (astray := watch(report)):
+                        self.halt()
+                        raise Refused("ASTRAY", astray)
             now = self.clock.now()
             if now - heard > self.silence * 2:
                 raise self._silent()
@@ -59,7 +69,7 @@ class GrblLink:
                 return said
             if now > until:
                 self.halt()
-                raise Refused("NOTREACHED", f"stopped from here after {seconds:.0f} s")
+                raise Refused("NOTREACHED", f"stopped after {seconds:.0f} s")
             if now - asked >= self.poll:
                 self._send(b"?")
                 asked = now
@@ -143,19 +153,31 @@ class GrblLink:
 
     def adopt(self) -> None:
         """Learn the boot, or draw one and leave it with GRBL."""
-        tool = self._tool()
-        drawn = tool or 1 + secrets.randbelow(HIGHEST_TOOL)
-        self.boot = f"T{drawn}"
-        if not tool:
-            self._keep_boot()
-        self._kept = self._tool() == drawn
-        if not self._kept:
-            self.boot = f"t{secrets.token_hex(4)}"  # this GRBL keeps no tool number: good for this connection only
+        for word in IDENTITY:
+            held = self._held(word)
+            self.boot = f"{word}{held or 1 + secrets.randbelow(HIGHEST)}"
+            self._kept = True
+            if not held:
+                self._keep_boot()
+            self._kept = f"{word}{self._held(word)}" == self.boot
+            if self._kept:
+                return
+        self.boot = f"t{secrets.token_hex(4)}"  # this GRBL keeps neither: good for this connection only
 
     def same_boot(self) -> None:
         """Raise Rebooted where GRBL has forgotten the boot."""
-        if self._kept and f"T{self._tool()}" != self.boot:
+        if self._kept and f"{self.boot[0]}{self._held(self.boot[0])}" != self.boot:
             self._started_anew()
+
+    @property
+    def speed(self) -> int:
+        """The spindle speed that keeps the boot; 0 where something else keeps it."""
+        return int(self.boot[1:]) if self._kept and self.boot.startswith("S") else 0
+
+    def modes(self) -> list[str]:
+        """The words of the parser state."""
+        said = " ".join(line for line in self.told("$G") if line.startswith("[GC:"))
+        return said.removeprefix("[GC:").rstrip("]").split()
 
     def patiently(self, call: Callable[[], T]) -> T:
         """Call, and where the line is silent or gone open it anew and call again; raises LinkLost in the end."""
@@ -171,13 +193,12 @@ class GrblLink:
             self.clock.sleep(self.poll)
 
     def _keep_boot(self) -> None:
-        if self.boot.startswith("T"):
-            self.told(self.boot)
+        if self._kept:
+            self.told(offset(np.zeros(self.joints), 1.0, self.boot))
 
-    def _tool(self) -> int:
-        said = " ".join(line for line in self.told("$G") if line.startswith("[GC:"))
-        words = [word[1:] for word in said.strip("[]").split() if word.startswith("T")]
-        return int(words[0]) if words and words[0].isdecimal() else 0
+    def _held(self, word: str) -> int:
+        values = [said[1:] for said in self.modes() if said.startswith(word)]
+        return int(float(values[0])) if values and values[0].replace(".", "", 1).isdecimal() else 0
 
     def _started_anew(self) -> NoReturn:
         self.boot, self._kept = f"t{secrets.token_hex(4)}", False

@@ -18,6 +18,7 @@ ALARMS = {
     "ALARM:10": ("ESTOP", ""),
     "ALARM:11": ("UNHOMED", "homing required"),
 }
+SAME_PLACE = "error:33"  # of grblHAL, for a probing motion to where the robot stands: also when a line came twice
 ERRORS = {"error:9": ("UNHOMED", "locked by an alarm"), "error:15": ("LIMIT", ""), "error:79": ("ESTOP", "")}
 
 
@@ -76,7 +77,26 @@ def refusal(line: str) -> tuple[str, str] | None:
     return None
 
 
-def motion(word: str, target: Float[np.ndarray, " joints"], seconds: float) -> str:
-    """A motion to machine coordinates that lasts so long, in inverse time: no doubt which axes a feed counts."""
-    places = "".join(f" {axis}{value:.4f}" for axis, value in zip(AXES, target, strict=False))
-    return f"G90 G93 {word}{places} F{60.0 / seconds:.4f}"
+def axis_words(values: Float[np.ndarray, " joints"]) -> str:
+    """Axis words with three decimals, as GRBL prints its positions."""
+    return "".join(f"{axis}{value:.3f}" for axis, value in zip(AXES, values, strict=False))
+
+
+def offset(target: Float[np.ndarray, " joints"], feed: float, more: str = "") -> str:
+    """A line that moves nothing: the target as a tool offset [axis units], and the feed [axis units/min].
+
+    All in one line: next to G43.1 axis words are no motion, and a G that became a C is a second C, an error. What
+    a digit leaves of the line when it becomes Ctrl-X, a reset, or begins a comment, is an error too: G4 needs its P,
+    and P its G4.
+    """
+    return f"G4G43.1G21G90G94F{feed:.3f}{more}{axis_words(target)}P.0"
+
+
+def trigger(word: str, joints: int, feed: float, speed: int = 0) -> str:
+    """A motion to zero, which the tool offset makes the target.
+
+    Every number is written `.0`: a byte lost is then an error, and a digit changed is off by less than one axis unit.
+    Feed and `speed` of the spindle, which is off, are said once more: a G that became an F, or a C that became an S, is
+    then a second one, an error. What is left is a guarded motion to the right target at another speed.
+    """
+    return f"S{speed}.F{feed:.0f}.{word}" + "".join(f"{axis}.0" for axis in AXES[:joints])

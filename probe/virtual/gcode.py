@@ -4,9 +4,12 @@ import re
 from dataclasses import dataclass
 
 WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
-MODES = {"G17", "G21", "G40", "G49", "G54", "G80", "G94", "G90", "G91", "G93"}
+OFFSETS = {"G43.1", "G49"}
+MODES = {"G17", "G21", "G40", "G54", "G80", "G94", "G90", "G91", "G93"}
 MOTIONS = {"G0", "G1", "G38.2", "G38.3", "G4"}
 NOT_A_NUMBER, NOT_A_LETTER, UNSUPPORTED, TWO_MOTIONS, TWICE, NO_AXES, NO_TOOL = 2, 1, 20, 21, 25, 26, 38
+MISSING = 28  # G4 without P
+UNUSED = 36  # a word that nothing in the line uses
 TOOLS = 255  # the highest number
 
 
@@ -15,6 +18,7 @@ class Block:
     """The words of one line."""
 
     motion: str  # one of MOTIONS; empty where the line names none
+    offset: str  # one of OFFSETS; empty where the line names none
     modes: tuple[str, ...]
     values: dict[str, float]  # of the axes, F, P, N and T
     axes: dict[str, float]
@@ -29,14 +33,18 @@ def read_block(code: str, axes: str) -> Block | int:
     values = {letter: float(number) for letter, number in words if letter != "G"}
     if len(values) + len(gs) != len(words):
         return TWICE
-    if set(gs) - MODES - MOTIONS or set(values) - {*axes, "F", "P", "N", "T"}:
+    if set(gs) - MODES - MOTIONS - OFFSETS or set(values) - {*axes, "F", "P", "N", "S", "T"}:
         return UNSUPPORTED
     if values.get("T", 0) > TOOLS:
         return NO_TOOL
     motions = [g for g in gs if g in MOTIONS]
-    if len(motions) > 1:
+    offsets = [g for g in gs if g in OFFSETS]
+    if len(motions) > 1 or len(offsets) > 1 or (offsets and set(motions) - {"G4"}):
         return TWO_MOTIONS
+    if ("P" in values) != ("G4" in motions):
+        return UNUSED if "P" in values else MISSING
     block = Block(
-        "".join(motions), tuple(g for g in gs if g in MODES), values, {a: values[a] for a in axes if a in values}
-    )
+        "".join(motions), "".join(offsets), tuple(g for g in gs if g in MODES), values,
+        {a: values[a] for a in axes if a in values},
+    )  # fmt: skip
     return NO_AXES if block.motion.startswith("G38") and not block.axes else block

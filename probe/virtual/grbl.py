@@ -9,64 +9,40 @@ What it does as the real one does, so that a host learns to live with it:
 * The probe input is not watched during G0 and G1: a robot driven into the jig goes on. There is no deadman either.
 * Positions have three decimals; F counts the length of the move over all axes; axis units are chosen by the user.
 * `(MSG,tag)` comes back as `[MSG:tag]`. Real-time bytes `?`, `!`, `~` and Ctrl-X act at once, whatever is in the line.
-* `T` names a tool, `$G` tells it, and a reset forgets it.
+* `T` names a tool, `$G` tells it, and a reset forgets it; so for `S`, the speed of a spindle that is off. G43.1 shifts
+  all axes by a tool offset until G49 or a reset.
 * A reset while moving stops the robot, empties the queue and ends in `ALARM:3`.
+
+Quirks to order, as real grblHAL has them: `tool-change` (T is taken over by M6 only), `late-idle` (the first reports
+of a motion still say Idle), `same-place` (G38 to where the robot stands is `error:33`), `no-offset` (no G43.1).
 
 Writing a `$` setting is obeyed by a real controller and ruins it; here it is counted in `settings_written`.
 """
 
 import re
-from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from probe.virtual.gcode import read_block
+from probe.virtual.gcode import Block, read_block
+from probe.virtual.grbl_state import (
+    AXES,
+    BANNER,
+    LATE,
+    LONGEST,
+    OKAY,
+    QUEUE,
+    RAPID,
+    REALTIME,
+    GrblState,
+    Queued,
+    error,
+)
 from probe.virtual.records import CONTACT, MOVE, NEVER, SEARCH, Outcome
-from probe.virtual.robot import VirtualRobot
-
-BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
-LONGEST = 256  # bytes a line
-AXES = "XYZABCUVW"
-QUEUE = 15  # moves planned ahead
-RAPID = 1e6  # [rad/s], as fast as the joints go
-REALTIME = b"?!~\x18"
-OKAY = b"ok\r\n"
 
 
-@dataclass(frozen=True, eq=False)
-class Queued:
-    """A motion that waits for its turn, or a dwell where there is no target."""
-
-    word: str
-    target: Float[np.ndarray, " joints"] | None = None  # [rad] or [mm]
-    rate: float = 0.0  # [rad/s] of the fastest joint
-    seconds: float = 0.0  # of a dwell
-
-
-class GrblController:
+class GrblController(GrblState):
     """A robot controller that speaks GRBL; bytes go in and whole lines come out, at given times."""
-
-    def __init__(self, robot: VirtualRobot, *, axis_unit_deg: float = 1.0, unsolicited: tuple[bytes, ...] = ()) -> None:
-        self.robot = robot
-        self.unit = np.where(robot.cell.robot.prismatic, 1.0, axis_unit_deg)  # [deg] or [mm] an axis unit
-        self.unsolicited = unsolicited  # lines that nobody asked for, after the banner
-        self.commands: list[str] = []  # lines executed, for the judge
-        self.settings_written = 0
-        self._start()
-
-    def _start(self) -> None:
-        self.alarm = 0 if self.robot.health.homed else 1
-        self.probed, self.success = np.zeros(len(self.unit)), False
-        self.modes = {"distance": "G90", "feed": "G94"}
-        self.motion, self.feed_rate, self.tool = "G0", 0.0, 0
-        self._queue: deque[Queued] = deque()
-        self._running: Queued | None = None
-        self._held = self._waiting = False  # feed hold; a line that is answered only when the queue is empty
-        self._until = NEVER  # [s], the end of a dwell
-        self._line, self._lines = bytearray(), deque[bytes]()
-        self._planned = self.robot.q
 
     def restart(self, *, keeps_position: bool = True) -> list[bytes]:
         """Start anew: the banner, and what nobody asked for."""
@@ -137,16 +113,6 @@ class GrblController:
         locked = [b"[MSG:'$H'|'$X' to unlock]\r\n"] if self.alarm else []
         return [*([b"ALARM:3\r\n"] if moving else []), BANNER, *locked]
 
-    def _report(self) -> bytes:
-        moving = self.robot.moving
-        held = "Hold:1" if moving else "Hold:0"
-        state = "Alarm" if self.alarm else held if self._held else "Run" if moving else "Idle"
-        pin = "|Pn:P" if self.robot.contact else ""
-        return f"<{state}|MPos:{self._position(self.robot.q)}|FS:{self.feed_rate:.0f},0{pin}>\r\n".encode()
-
-    def _position(self, q: Float[np.ndarray, " joints"]) -> str:
-        return ",".join(f"{value:.3f}" for value in self.robot.cell.robot.to_controller(q) / self.unit)
-
     # --- lines ---------------------------------------------------------------------------------------------------
 
     def _pump(self) -> list[bytes]:
@@ -160,7 +126,7 @@ class GrblController:
 
     def _read(self, raw: bytes) -> list[bytes]:
         if len(raw) > LONGEST:
-            return [_error(11)]
+            return [error(11)]
         text = raw.decode("ascii", "replace")
         messages = [f"[MSG:{m}]\r\n".encode() for m in re.findall(r"\(MSG,\s*([^)]*)\)", text, re.IGNORECASE)]
         code = re.sub(r"\([^)]*\)|;.*|\s", "", text).upper()
@@ -170,62 +136,52 @@ class GrblController:
             return messages + self._dollar(code)
         if not code:
             return [*messages, OKAY]
-        return messages + ([_error(9)] if self.alarm else self._block(code))
-
-    def _dollar(self, code: str) -> list[bytes]:
-        axes = AXES[: len(self.unit)]
-        if code == "$I":
-            info = f"[VER:1.1h.20240101:]\r\n[OPT:VNMH,{QUEUE},{LONGEST}]\r\n[AXS:{len(axes)}:{axes}]\r\n"
-            return [info.encode(), OKAY]
-        if code in ("$X", "$H") and self.robot.health.estop:
-            return [_error(79)]
-        if code in ("$X", "$H"):
-            self.alarm = 0
-            if code == "$H":
-                self.robot.home()
-                self._planned = self.robot.q
-            return [OKAY] if code == "$H" else [b"[MSG:Caution: Unlocked]\r\n", OKAY]
-        if code == "$#":
-            zero = ",".join("0.000" for _ in axes)
-            return [f"[G54:{zero}]\r\n[G92:{zero}]\r\n{self._probe_line()}".encode(), OKAY]
-        if code == "$G":
-            modes = f"{self.motion} G54 G17 G21 {self.modes['distance']} {self.modes['feed']}"
-            return [f"[GC:{modes} M5 M9 T{self.tool} F{self.feed_rate:g} S0]\r\n".encode(), OKAY]
-        if code == "$$":
-            return [b"$10=1\r\n$13=0\r\n$20=1\r\n$22=0\r\n", OKAY]
-        if re.fullmatch(r"\$\d+=-?[\d.]+", code):
-            self.settings_written += 1
-            return [OKAY]
-        return [_error(3)]
-
-    def _probe_line(self) -> str:
-        return f"[PRB:{self._position(self.probed)}:{int(self.success)}]\r\n"
+        return messages + ([error(9)] if self.alarm else self._block(code))
 
     def _block(self, code: str) -> list[bytes]:
         block = read_block(code, AXES[: len(self.unit)])
         if isinstance(block, int):
-            return [_error(block)]
+            return [error(block)]
         for g in block.modes:
             self.modes |= {"distance": g} if g in ("G90", "G91") else {"feed": g} if g in ("G93", "G94") else {}
         if self.modes["feed"] == "G94":
             self.feed_rate = block.values.get("F", self.feed_rate)
-        self.tool = int(block.values.get("T", self.tool))
+        self.tool = self.tool if "tool-change" in self.quirks else int(block.values.get("T", self.tool))
+        self.speed = int(block.values.get("S", self.speed))
         self.commands.append(code)
+        if block.offset:
+            return self._shift(block)
         if block.motion == "G4":
             return self._push(Queued("G4", seconds=block.values.get("P", 0.0)))
-        self.motion = block.motion or self.motion
+        self.motion = block.motion or ("G80" if "G80" in block.modes else self.motion)
         if not block.axes:
             return [OKAY]
+        if self.motion == "G80":
+            return [error(31)]
         return self._move(np.array([block.axes.get(axis, np.nan) for axis in AXES[: len(self.unit)]]), block.values)
+
+    def _shift(self, block: Block) -> list[bytes]:
+        """Take or clear a tool offset."""
+        if "no-offset" in self.quirks:
+            return [error(20)]
+        kept = self.offset if block.offset == "G43.1" else np.zeros(len(self.unit))
+        self.offset = np.array([block.axes.get(a, k) for a, k in zip(AXES, kept, strict=False)])
+        return [OKAY]
 
     def _move(self, axes: Float[np.ndarray, " joints"], values: dict[str, float]) -> list[bytes]:
         robot = self.robot.cell.robot
         here = robot.to_controller(self._planned) / self.unit
-        wanted = here + np.nan_to_num(axes) if self.modes["distance"] == "G91" else np.where(np.isnan(axes), here, axes)
+        wanted = (
+            here + np.nan_to_num(axes)
+            if self.modes["distance"] == "G91"
+            else np.where(np.isnan(axes), here, axes + self.offset)
+        )
         inverse = self.modes["feed"] == "G93"
         feed = values.get("F", 0.0) if inverse else self.feed_rate
         if self.motion != "G0" and feed <= 0:
-            return [_error(22)]
+            return [error(22)]
+        if "same-place" in self.quirks and self.motion.startswith("G38") and np.allclose(wanted, here, atol=1e-6):
+            return [error(33)]
         target = robot.from_controller(wanted * self.unit)
         if ((target < robot.lower) | (target > robot.upper)).any():
             self.alarm = 2
@@ -259,6 +215,7 @@ class GrblController:
             return [] if queued.seconds else self._answered()
         probing = queued.word.startswith("G38")
         self._running = queued
+        self._idle_until = self.robot.time + LATE if "late-idle" in self.quirks else 0.0
         refusal = self.robot.begin(SEARCH if probing else MOVE, queued.target, queued.rate, watch=probing)
         if refusal is None:
             return []
@@ -295,7 +252,3 @@ class GrblController:
         self.alarm = 5 if failed else self.alarm
         alarm = [b"ALARM:5\r\n"] if failed else []
         return [*alarm, self._probe_line().encode(), *self._answered()]
-
-
-def _error(number: int) -> bytes:
-    return f"error:{number}\r\n".encode()
