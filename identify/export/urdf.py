@@ -56,6 +56,9 @@ def corrected_origins(calibration: Calibration, original: Original) -> tuple[Urd
     _same_robot(calibration, original)
     urdf = UrdfText(read_text(original.path))
     above, chain = urdf.path(original.base, original.flange)
+    if climbed := [joint.name for joint in above if joint.moves]:
+        cure = "leave out --urdf to write the chain as a plain URDF"
+        raise InputError(f"{original.path}: the chain climbs through joint '{climbed[0]}'; {cure}")
     start = _product([inverse(joint.origin) for joint in above])
     moving = [i for i, joint in enumerate(chain) if joint.moves]
     edges = [-1, *moving]

@@ -12,4 +12,5 @@ In the order in which data walks through:
     history  what has changed since earlier calibrations
     report  the report of a calibration
     plan    the page of a plan
+    cell    the page of a cell, before any touch
 """

@@ -1,12 +1,14 @@
 """What the 3-D view shows, as plain data: jig, zone, touches, and the robot at each of them."""
 
 from base64 import b64encode
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from identify.model.cell import Cell
+from identify.model.meshes import READERS
 from identify.model.robot import Robot
 
 MOST = 300  # touches that can be stepped through: the page stays small
@@ -85,8 +87,8 @@ def _links(robot: Robot) -> list[dict[str, Any]]:
     return links
 
 
-def _drawable(kind: str, path: object) -> bool:
-    return kind == "mesh" and path is not None
+def _drawable(kind: str, path: Path | None) -> bool:
+    return kind == "mesh" and path is not None and path.suffix.lower() in READERS
 
 
 def joined_mesh(meshes: list[Mesh]) -> Mesh:

@@ -27,9 +27,9 @@ def check(
     Exit code 1 where model and pendant disagree; the usual causes are tried (axis signs, joint 3 coupled to joint 2,
     offsets of a right angle, flange or tip, base height, order of the angles, mm or m), and the one that explains it is
     named. How the controller counts its joints (axis signs, coupling, zeros) is proposed as `joints:` of the cell, and
-    written there with --fix. pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg.
+    written there with --fix. pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg. A
+    page beside the cell file shows robot, torch, jig and zone. For example:
 
-    Examples:
         touchcal check --pendant pendant.csv
 
         touchcal check --pendant pendant.csv --fix
@@ -60,7 +60,20 @@ def check(
         print_json({"robot": described.robot.name, "rank": known.rank, "pendant": found and asdict(found)})
     else:
         print(story(described, found))
+        print(_picture(described, cell))
     return 0 if found is None or found.agrees else 1
+
+
+def _picture(described: "Cell", cell: Path) -> str:
+    """Draw the page beside the cell file; the sentence that says so, or why there is none."""
+    from identify.report.cell import cell_page
+
+    page = cell.with_suffix(".html")
+    try:
+        write_text(page, cell_page(described, story(described, None)))
+    except InputError as error:
+        return f"no picture: {error}"
+    return f"look at {page}: robot, torch, jig and zone"
 
 
 def story(cell: "Cell", found: "Agreement | None") -> str:

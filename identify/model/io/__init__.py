@@ -8,6 +8,7 @@ In the order in which data walks through:
     counting          `joints:`, how the controller counts
     checks            what single values cannot show: units mixed up, names taken twice
     entries           between millimetres and degrees in files and what they describe, both ways
+    template          the commented cell.yaml to start from
     description       cell, robot and jig from their YAML files, or from the library
     measurements      files that hold measurements of any kind
     tables            touches.csv, positions.csv and plan.csv

@@ -74,7 +74,11 @@ def flow(value: Any) -> Any:
     """A value that YAML writes on one line."""
     if not isinstance(value, dict | list):
         return value
-    node = CommentedMap({k: flow(v) for k, v in value.items()}) if isinstance(value, dict) else CommentedSeq(value)
+    node: CommentedMap | CommentedSeq
+    if isinstance(value, dict):
+        node = CommentedMap({k: flow(v) for k, v in value.items()})
+    else:
+        node = CommentedSeq(map(flow, value))
     node.fa.set_flow_style()
     return node
 

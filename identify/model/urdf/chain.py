@@ -1,6 +1,7 @@
 """From a URDF to a robot: the chain between two of its links, in the parameters of the model."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,34 +21,39 @@ SPEED = {"revolute": TURNING, "continuous": TURNING, "prismatic": SLIDING}  # wh
 
 
 def read_urdf(path: Path, base: str, flange: str) -> Robot:
-    """The robot between two links of a URDF; joints become j1, j2, ... and keep their zero and sign.
+    """The robot between any two links of a URDF; joints keep their names, zeros, signs and limits.
 
-    Fixed joints are folded in. Consecutive axes within 5 degrees of parallel take Hayati's form (alpha, beta), others
-    the common normal (beta = 0). Raises InputError with every mistake in the chain.
+    The chain climbs from the base to the link that both share and descends to the flange: a positioner that holds the
+    jig, a track and an arm are one robot. Fixed joints are folded in. Consecutive axes within 5 degrees of parallel
+    take Hayati's form (alpha, beta), others the common normal (beta = 0). Raises InputError with every mistake in the
+    chain.
     """
     urdf = parsed(path)
     up, down = _path(urdf, base, flange)
     T, axes, joints = np.eye(4), list[Axis](), list[ET.Element]()
-    for element in up:
+    for element in up:  # a joint that is climbed moves its parent, seen from its child, by the opposite
+        if element.get("type") != "fixed":
+            axes.append(Axis(T[:3, 3], -T[:3, :3] @ direction(urdf, element)))
+            joints.append(element)
         T = T @ inverse(origin(urdf, element, _named(element)))
     for element in down:
         T = T @ origin(urdf, element, _named(element))
         if element.get("type") != "fixed":
-            axes.append(Axis(T[:3, 3], T[:3, :3] @ _direction(urdf, element)))
+            axes.append(Axis(T[:3, 3], T[:3, :3] @ direction(urdf, element)))
             joints.append(element)
     ranges = [_range(urdf, element) for element in joints]
     if not joints and not urdf.mistakes:
         urdf.wrong(None, f"no joint moves between '{base}' and '{flange}'; name the first and last link of the arm")
     if urdf.mistakes:
         raise InputError(urdf.mistakes)
-    found = chain(axes, T)
+    found, names = chain(axes, T), _joint_names(joints)
     shapes = collision_shapes(urdf, base, joints, found.frames)
     if urdf.mistakes:
         raise InputError(urdf.mistakes)
     return Robot(
         name=urdf.root.get("name") or path.stem,
         joints=tuple(
-            Joint(f"j{i + 1}", element.get("type") == "prismatic", theta, d, a, alpha, beta, *limits)
+            Joint(names[i], element.get("type") == "prismatic", theta, d, a, alpha, beta, *limits)
             for i, (element, (theta, d, a, alpha, beta), limits) in enumerate(
                 zip(joints, found.links.tolist(), ranges, strict=True)
             )
@@ -59,15 +65,21 @@ def read_urdf(path: Path, base: str, flange: str) -> Robot:
     )
 
 
+def _joint_names(joints: Sequence[ET.Element]) -> list[str]:
+    """The names in the URDF; j1, j2, ... for those that cannot name a parameter."""
+    names = [element.get("name", "") for element in joints]
+    usable = [name and "." not in name and name not in ("base", "tool") and names.count(name) == 1 for name in names]
+    return [name if use else f"j{i + 1}" for i, (name, use) in enumerate(zip(names, usable, strict=True))]
+
+
 def _named(joint: ET.Element) -> str:
     return f"joint '{joint.get('name', '')}'"
 
 
 def _path(urdf: Urdf, base: str, flange: str) -> tuple[list[ET.Element], list[ET.Element]]:
-    """Fixed joints to climb from the base, then joints to descend to the flange."""
-    above = _joints_above(urdf)
-    links = {element.get("name", "") for element in urdf.root.iterfind("link")}
-    links |= {link for child, (parent, _) in above.items() for link in (child, parent)}
+    """Joints to climb from the base, then joints to descend to the flange."""
+    above = joints_above(urdf)
+    links = links_of(urdf, above)
     for role, name in (("base", base), ("flange", flange)):
         if name not in links:
             urdf.wrong(None, f"no link '{name}' for the {role}{nearest(name, links) or _listed(links)}")
@@ -79,14 +91,16 @@ def _path(urdf: Urdf, base: str, flange: str) -> tuple[list[ET.Element], list[ET
     top = {end(climb[-1], "parent") if climb else name for climb, name in ((up, base), (down, flange))}
     if len(top) > 1:
         urdf.fail(None, f"no chain of joints joins '{base}' and '{flange}'")
-    for element in up:
-        if element.get("type") != "fixed":
-            name = element.get("name", "")
-            urdf.wrong(element, f"joint '{name}' moves base '{base}'; name a base before it, or swap base and flange")
     return up, down[::-1]
 
 
-def _joints_above(urdf: Urdf) -> dict[str, tuple[str, ET.Element]]:
+def links_of(urdf: Urdf, above: Mapping[str, tuple[str, ET.Element]]) -> set[str]:
+    """The names of all links, those that only joints name among them."""
+    links = {element.get("name", "") for element in urdf.root.iterfind("link")}
+    return links | {link for child, (parent, _) in above.items() for link in (child, parent)}
+
+
+def joints_above(urdf: Urdf) -> dict[str, tuple[str, ET.Element]]:
     """The parent link of every child link, and the joint between them."""
     above = dict[str, tuple[str, ET.Element]]()
     for element in urdf.root.iterfind("joint"):
@@ -119,7 +133,7 @@ def _listed(links: set[str]) -> str:
     return f"; its links: {', '.join(sorted(links)[:20])}" if links else "; the file has no links"
 
 
-def _direction(urdf: Urdf, joint: ET.Element) -> Float[np.ndarray, " 3"]:
+def direction(urdf: Urdf, joint: ET.Element) -> Float[np.ndarray, " 3"]:
     """The unit axis of a joint in its own frame; x where none is written."""
     name, axis = _named(joint), joint.find("axis")
     direction = urdf.vector(axis, "xyz", [1.0, 0.0, 0.0], name)

@@ -49,7 +49,7 @@ def _places(urdf: Urdf, base: str, moving: Sequence[ET.Element]) -> dict[str, tu
         for parent, child, joint in joints:
             fixed = joint.get("type") == "fixed"
             there = child if parent == here else parent
-            if here not in (parent, child) or there in found or not (fixed or (joint in moving and parent == here)):
+            if here not in (parent, child) or there in found or not (fixed or joint in moving):
                 continue
             step = origin(urdf, joint, f"joint '{joint.get('name', '')}'")
             found[there] = (number + (not fixed), T @ (step if parent == here else inverse(step)))

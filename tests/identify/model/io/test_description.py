@@ -103,7 +103,11 @@ def test_a_cell_names_a_urdf_by_its_file_and_two_links(write, tmp_path):
         '<robot name="arm"><joint name="a" type="continuous"><parent link="p"/><child link="c"/>'
         '<origin xyz="0 0 0.5"/></joint></robot>'
     )
-    text = change(CELL, "robot: robot.yaml", "robot: {urdf: arm.urdf, base: p, flange: c}").replace("j2.a: ", "j1.a: ")
+    text = (
+        change(CELL, "robot: robot.yaml", "robot: {urdf: arm.urdf, base: p, flange: c}")
+        .replace("j2.a: ", "a.a: ")
+        .replace("j1.beta", "a.beta")
+    )
 
     cell = read_cell(write(text))
 
@@ -344,7 +348,8 @@ def test_the_ends_of_a_urdf_survive_being_written_into_one_document(write, tmp_p
         '<joint name="b" type="fixed"><parent link="c"/><child link="d"/><origin rpy="1 2 3" xyz="0 0.1 0"/></joint>'
         "</robot>"
     )
-    text = change(CELL, "robot: robot.yaml", "robot: {urdf: arm.urdf, base: p, flange: d}").replace("j2.a: ", "j1.a: ")
+    text = change(CELL, "robot: robot.yaml", "robot: {urdf: arm.urdf, base: p, flange: d}").replace("j2.a: ", "a.a: ")
+    text = text.replace("j1.beta", "a.beta")
     cell = read_cell(write(text))
 
     again = cell_from_entry(cell_entry(cell), {})
