@@ -12,6 +12,7 @@ from identify.model.files import InputError, nearest
 from identify.model.jig import Jig
 from identify.model.kinematics import Kinematics
 from identify.model.robot import Robot
+from identify.model.shape import Shape
 
 DEG = np.pi / 180
 
@@ -119,6 +120,7 @@ class Cell:
     points: Mapping[str, Point] = field(default_factory=dict)
     spacings: tuple[Spacing, ...] = ()
     serial: str = ""  # number of the robot
+    obstacles: tuple[Shape, ...] = ()  # table, positioner, fence; their poses are in the jig frame
 
     @cached_property
     def theta(self) -> Float[np.ndarray, " parameters"]:

@@ -6,6 +6,7 @@ In the order in which data walks through:
     screen      what a person sees: help, progress, touches as they are made
     demo        the whole loop on the embedded virtual robot
     init        a commented cell folder to start from
+    jig         a jig proposed from the mesh of a part
     check       the cell validated and compared with the pendant
     plan        touches chosen
     run         touches made
@@ -41,6 +42,7 @@ COMMANDS = {
     "demo": "The whole loop on the embedded virtual robot: plan, touch, identify, verify.",
     "init": "Make a commented cell folder to start from.",
     "check": "Validate the cell, and compare it with poses read off the pendant.",
+    "jig": "Propose a jig.yaml from the mesh of a part.",
     "run": "Make the touches of a plan over a serial line.",
     "program": "Write the touches of a plan in the controller's own language.",
     "import": "Read what such a program logged as touches.",

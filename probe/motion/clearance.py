@@ -88,7 +88,7 @@ class Clearance:
     @cached_property
     def solids(self) -> tuple[Obstacle, ...]:
         """What not to hit."""
-        return () if self.cell.jig is None else obstacles(self.cell.jig)
+        return obstacles(self.cell.jig, self.cell.obstacles)
 
     @cached_property
     def boxes(self) -> tuple[Boxes, ...]:

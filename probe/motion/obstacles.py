@@ -58,8 +58,10 @@ class Obstacle:
         return np.min([segment_box(a, b, low, high) for low, high in zip(*self.parts, strict=True)], axis=0)
 
 
-def obstacles(jig: Jig, others: Sequence[Shape] = ()) -> tuple[Obstacle, ...]:
+def obstacles(jig: Jig | None, others: Sequence[Shape] = ()) -> tuple[Obstacle, ...]:
     """The solids of a jig and of the cell; a jig without solids is its faces, as plates: blind to what is inside."""
+    if jig is None:
+        return tuple(_obstacle(shape) for shape in others)
     boxes = [Obstacle(np.array(box.lower), np.array(box.upper), name=f"box {i + 1}") for i, box in enumerate(jig.boxes)]
     plates = [] if jig.boxes or jig.obstacles else [_plate(face) for face in jig.faces]
     return (*boxes, *plates, *(_obstacle(shape) for shape in (*jig.obstacles, *others)))

@@ -53,7 +53,7 @@ class Surroundings:
         jig = cell.jig
         boxes = () if jig is None else jig.boxes
         self.boxes = [(f"box {i + 1}", np.array(box.lower), np.array(box.upper)) for i, box in enumerate(boxes)]
-        self.shapes = () if jig is None else jig.obstacles
+        self.shapes = (*(() if jig is None else jig.obstacles), *cell.obstacles)
 
     @cached_property
     def arm(self) -> list[Balls]:

@@ -14,4 +14,5 @@ In the order in which data walks through:
     tables            touches.csv, positions.csv and plan.csv
     poses             poses.csv: tip poses that are wanted
     calibration_file  an identified robot, and calibration.json
+    facets            rectangular faces of a part, from the triangles of its mesh
 """

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from identify.model.errors import ERROR_MODELS, SIZES
-from identify.model.files import Mistake, nearest
+from identify.model.files import InputError, Mistake, nearest
 from identify.model.io.counting import counting_mistakes
 from identify.model.io.document import Document, entries, usable
 from identify.model.io.schema import (
@@ -17,12 +17,14 @@ from identify.model.io.schema import (
     CapsuleEntry,
     FaceEntry,
     JointEntry,
+    ObstacleEntry,
     PoseEntry,
     Strict,
     TouchEntry,
     WireEntry,
     ZoneEntry,
 )
+from identify.model.meshes import READERS, read_mesh
 from identify.model.robot import Robot
 
 METRES = "metres? write millimetres"
@@ -49,6 +51,7 @@ def cell_mistakes(document: Document, robot: Robot | None) -> list[Mistake]:
             wrong.append(document.wrong(f"a tilt of {tilted.max_tilt_deg:g} degrees: {RADIANS}", key, "max_tilt_deg"))
     wrong += _zone(document, zone) if zone else []
     wrong += _spacings(document)
+    wrong += obstacle_mistakes(document)
     if robot is not None:
         wrong += counting_mistakes(document, [joint.name for joint in robot.joints])
     return wrong + _bounds(document) + (_parameters(document, robot) if robot else [])
@@ -211,6 +214,31 @@ def jig_mistakes(document: Document) -> list[Mistake]:
     for i, box in entries(document, "boxes", BoxEntry):
         if not np.all(np.array(box.lower_mm) < np.array(box.upper_mm)):
             wrong.append(document.wrong("lower_mm is not below upper_mm", "boxes", i, "lower_mm"))
+    return wrong + obstacle_mistakes(document)
+
+
+def obstacle_mistakes(document: Document) -> list[Mistake]:
+    """Obstacles of jig.yaml or cell.yaml that are no single solid, or meshes that are not there."""
+    wrong = list[Mistake]()
+    for i, entry in entries(document, "obstacles", ObstacleEntry):
+        forms = [key for key in ("box_mm", "cylinder_mm", "mesh") if getattr(entry, key) is not None]
+        if len(forms) != 1:
+            words = " and ".join(forms) or "no form"
+            text = f"an obstacle has {words}; write one of box_mm, cylinder_mm and mesh"
+            wrong.append(document.wrong(text, "obstacles", i))
+        elif entry.mesh is not None:
+            path = document.path.parent / entry.mesh
+            if path.suffix.lower() not in READERS:
+                text = f"mesh '{entry.mesh}' is neither STL nor OBJ; export it as one of these"
+                wrong.append(document.wrong(text, "obstacles", i, "mesh"))
+            elif not path.is_file():
+                text = f"mesh file '{entry.mesh}' does not exist beside {document.path.name}"
+                wrong.append(document.wrong(text, "obstacles", i, "mesh"))
+            else:
+                try:
+                    read_mesh(path)
+                except InputError as error:
+                    wrong += [m for m in error.mistakes if isinstance(m, Mistake)]
     return wrong
 
 

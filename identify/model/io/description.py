@@ -40,7 +40,10 @@ def read_cell(path: Path) -> Cell:
     mistakes += cell_mistakes(document, robot)
     if mistakes or file is None or robot is None:
         raise InputError(mistakes)
-    return cell_of(file, robot, jig, sources)
+    cell = cell_of(file, robot, jig, sources, path.parent)
+    meshes = (*cell.obstacles, *(() if jig is None else jig.obstacles))
+    sources |= {shape.file: digest(shape.path) for shape in meshes if shape.path is not None}
+    return cell
 
 
 def read_robot(path: Path) -> Robot:
@@ -63,7 +66,7 @@ def read_jig(path: Path) -> Jig:
     mistakes += jig_mistakes(document)
     if mistakes or file is None:
         raise InputError(mistakes)
-    return jig_of(file)
+    return jig_of(file, path.parent)
 
 
 def named_jig(name: str) -> Path:

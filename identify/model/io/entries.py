@@ -1,6 +1,8 @@
 """Between what files hold, in millimetres and degrees, and what it describes; both ways."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +17,7 @@ from identify.model.io.units import described, entry_of, outside
 from identify.model.jig import Box, Face, Jig
 from identify.model.joint import SLIDING, TURNING, Capsule, Joint
 from identify.model.robot import POSE_NAMES, Robot
+from identify.model.shape import Shape
 
 POSE_KEYS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
 LINK_UNIT = np.array([DEG, 1.0, 1.0, DEG, DEG])
@@ -111,9 +114,31 @@ def _joint_entry(joint: Joint) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def jig_of(file: schema.JigFile) -> Jig:
-    """A jig from its file."""
-    return Jig(file.name, tuple(described(Face, f) for f in file.faces), tuple(described(Box, b) for b in file.boxes))
+def jig_of(file: schema.JigFile, folder: Path = Path()) -> Jig:
+    """A jig from its file, which stands in a folder."""
+    faces, boxes = (described(Face, f) for f in file.faces), (described(Box, b) for b in file.boxes)
+    return Jig(file.name, tuple(faces), tuple(boxes), obstacles_of(file.obstacles, folder))
+
+
+def obstacles_of(entries: Sequence[schema.ObstacleEntry], folder: Path) -> tuple[Shape, ...]:
+    """Solids that stand still, from their entries in a file that stands in a folder."""
+    return tuple(_obstacle(entry, entry.name or f"obstacle {i + 1}", folder) for i, entry in enumerate(entries))
+
+
+def _obstacle(entry: schema.ObstacleEntry, name: str, folder: Path) -> Shape:
+    T = transform(np.asarray(pose_of(entry.pose)))
+    if entry.mesh is not None:
+        return Shape(0, name, "mesh", (entry.scale,) * 3, T, entry.mesh, folder / entry.mesh)
+    kind, size = ("box", entry.box_mm) if entry.box_mm else ("cylinder", entry.cylinder_mm)
+    return Shape(0, name, kind, tuple(size or ()), T)
+
+
+def obstacle_entry(shape: Shape) -> dict[str, Any]:
+    """The inverse of `obstacles_of`; a mesh stands where it was found."""
+    form: dict[str, Any] = {f"{shape.kind}_mm": shape.size}
+    if shape.kind == "mesh":
+        form = {"mesh": str(shape.path and shape.path.absolute()), "scale": shape.size[0]}
+    return {"name": shape.name, **form, "pose": pose_entry(pose(shape.pose))}
 
 
 def jig_entry(jig: Jig) -> dict[str, Any]:
@@ -122,6 +147,7 @@ def jig_entry(jig: Jig) -> dict[str, Any]:
         "name": jig.name,
         "faces": [entry_of(face, schema.FaceEntry) for face in jig.faces],
         "boxes": [entry_of(box, schema.BoxEntry) for box in jig.boxes],
+        "obstacles": [obstacle_entry(shape) for shape in jig.obstacles],
     }
 
 
@@ -140,8 +166,10 @@ def priors_entry(priors: Priors) -> dict[str, Any]:
     return entry | ({"errors": dict(priors.errors)} if priors.errors else {})
 
 
-def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[str, str]) -> Cell:
-    """A cell from its file, and the robot and the jig that the file names."""
+def cell_of(
+    file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[str, str], folder: Path = Path()
+) -> Cell:
+    """A cell from its file, which stands in a folder, and the robot and the jig that the file names."""
     robot = equipped(file, robot)
     unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
     return Cell(
@@ -150,7 +178,7 @@ def cell_of(file: schema.CellFile, robot: Robot, jig: Jig | None, sources: dict[
         zone=None if file.zone is None else described(Zone, file.zone), priors=priors_of(file.priors),
         controller=described(Controller, file.controller),
         fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
-        sources=sources, serial=file.serial,
+        sources=sources, serial=file.serial, obstacles=obstacles_of(file.obstacles, folder),
         placements={name: pose_of(frame) for name, frame in file.placements.items()},
         tools={name: pose_of(frame) for name, frame in file.tools.items()},
         points={name: point_of(entry) for name, entry in file.points.items()},
@@ -189,6 +217,7 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
         "points": {name: point_entry(point) for name, point in cell.points.items()},
         "spacings": [{"from": s.start, "to": s.end, "mm": s.distance, "sigma_mm": s.sigma} for s in cell.spacings],
         "serial": cell.serial,
+        "obstacles": [obstacle_entry(shape) for shape in cell.obstacles],
         "fixed": sorted(cell.fixed),
         "bounds": {name: [lo / unit[name], hi / unit[name]] for name, (lo, hi) in cell.bounds.items()},
     }  # fmt: skip

@@ -101,6 +101,17 @@ class BoxEntry(Strict):
     upper_mm: Vector
 
 
+class ObstacleEntry(Strict):
+    """A solid to keep clear of: one of a box, a cylinder along z, and a mesh, with its pose in the jig frame."""
+
+    name: str = ""
+    box_mm: tuple[Positive, Positive, Positive] | None = None  # edges, about the middle
+    cylinder_mm: tuple[Positive, Positive] | None = None  # radius and length, about the middle
+    mesh: str | None = None  # STL or OBJ beside the file
+    scale: Positive = 1.0  # [mm] per unit of the mesh
+    pose: PoseEntry = PoseEntry()
+
+
 class JigFile(Strict):
     """jig.yaml."""
 
@@ -108,6 +119,7 @@ class JigFile(Strict):
     source: str = ""
     faces: Annotated[list[FaceEntry], Field(min_length=1)]
     boxes: list[BoxEntry] = []
+    obstacles: list[ObstacleEntry] = []
 
 
 class WireEntry(Strict):
@@ -238,6 +250,7 @@ class CellFile(Strict):
     points: dict[str, NamedPoint] = {}
     spacings: list[SpacingEntry] = []
     serial: str = ""
+    obstacles: list[ObstacleEntry] = []
     fixed: list[str] = []
     bounds: dict[str, tuple[Number, Number]] = {}
 

@@ -197,6 +197,7 @@ def test_a_controller_that_hangs_is_silent_and_its_deadman_stops_the_robot(arc_w
     assert len(virtual.robot.executed) == 1
 
 
+@pytest.mark.ghost
 def test_an_open_wire_feels_nothing_in_its_search_and_everything_in_the_next(arc_welder, plan):
     end, home = search_end(arc_welder, plan)[0], plan.approach[0]
     with served(arc_welder, plan, faults=["open@1"]) as (_, host):
