@@ -1,5 +1,6 @@
 """Rectangular faces of a part from the triangles of its mesh: planar, free in front, in reach of a wire from above."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,11 +34,15 @@ class Facet:
 
     def axes(self) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
         """Directions u and v in the plane, u x v along the normal: u along an axis of the jig where it can be."""
-        edges = (self.corners - np.roll(self.corners, 1, axis=1)).reshape(-1, 3)
+        ends = np.concatenate([self.corners[:, [i, (i + 1) % 3]] for i in range(3)])
+        keys = [frozenset(map(tuple, pair)) for pair in np.round(ends / SAME).tolist()]
+        count = Counter(keys)
+        outer = np.array([count[key] == 1 for key in keys])  # those inside belong to two triangles
+        edges = (ends[:, 1] - ends[:, 0])[outer]
         length = np.linalg.norm(edges, axis=1)
         square = [u for u in np.eye(3) if abs(u @ self.normal) < PARALLEL]
-        along = [e / n for e, n in zip(edges, length, strict=True) if n > SAME]
-        u = next((u for u in square if max(abs(e @ u) for e in along) > 1 - PARALLEL), edges[length.argmax()])
+        along = edges[length > SAME] / length[length > SAME, None]
+        u = next((u for u in square if np.abs(along @ u).max() > 1 - PARALLEL), edges[length.argmax()])
         u = u / np.linalg.norm(u)
         return u, np.cross(self.normal, u)
 
