@@ -41,6 +41,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """How many ways of the driver are judged a cell: a few in the suite, 100 by hand."""
+    parser.addoption("--ways", type=int, default=0, help="ways of the driver judged a cell (tests/probe/motion)")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
     """Tests that share what their module makes run on one worker, so that it is made once (`--dist loadgroup`)."""
