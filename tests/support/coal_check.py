@@ -1,4 +1,4 @@
-"""A judge of ways that shares nothing with the driver: solids by coal, kinematics by equations 2 to 4, a posture a time."""
+"""A judge of ways that shares nothing with the driver: solids by coal, kinematics by equations 2 to 4."""
 
 from functools import cached_property
 
