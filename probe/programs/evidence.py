@@ -12,13 +12,13 @@ from probe.line.controller import Contact as RobotContact
 from probe.motion.joint_path import Geometry, Target
 from probe.motion.settings import Settings
 from probe.programs.log import CLOSED, HELD, MISSED, NOT_MADE, TOUCHED, Entry, Log, stamp
-from probe.programs.routine import line_ends, line_point
+from probe.programs.routine import line_ends
 from probe.runs.acceptance import objection, unconfirmed
 from probe.runs.prediction import Predictor
 from probe.runs.preflight import validate
 from probe.runs.records import APPROACH, CONTACT, RETRACTED, Intent, Observation
 
-OFF_LINE = 0.5 * DEG  # [rad], of a latch from a straight line: controller and model differ by a little
+OFF_LINE, TURNED = 2.0, 1.0 * DEG  # [mm], [rad] of a tip from a straight line: controller and model differ a little
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,6 @@ def imported(
     """
     entries = _entries(logs, plan, cell, maker)
     settings = Settings(search_speed=logs[0].speed)
-    if straight:
-        settings = replace(settings, off_line=OFF_LINE, arrived=OFF_LINE)
     targets = validate(plan, cell, settings)
     geometry = Geometry(cell, settings)
     if straight:
@@ -120,10 +118,10 @@ class _Judge:
             return "miss", f"nothing met within {target.length:.1f} mm of search"
         rate = self.geometry.search_rate(target, self.geometry.search_speed)
         intent = Intent("search", target.id, "", 0, target.approach, target.end, target.approach, rate)
-        latch, rest = (self._on_search(target, q) for q in (entry.latch, entry.rest))
+        (latch, off), (rest, _) = (self._on_search(target, q) for q in (entry.latch, entry.rest))
         seen = _observations(entry.code, target, rest)
         contact = RobotContact(latch, rest, "", 0)
-        if why_not := objection(contact, intent, seen, self.geometry) or unconfirmed(seen, intent):
+        if why_not := off or objection(contact, intent, seen, self.geometry) or unconfirmed(seen, intent):
             return "skipped", why_not
         surprise = self.predictor.judge(entry.latch, target.face)
         if surprise.beyond(self.geometry.settings.disagreement):
@@ -131,11 +129,17 @@ class _Judge:
         self.predictor.learn(entry.latch, target.face)
         return HIT, ""
 
-    def _on_search(self, target: Target, q: np.ndarray) -> np.ndarray:
-        """The joints less what a straight line of the tip bends away from the line in joint space."""
+    def _on_search(self, target: Target, q: np.ndarray) -> tuple[np.ndarray, str]:
+        """Joints at the same share of the line in joint space, and why the tip is off the straight line of search."""
         if not self.straight or np.isnan(q).any():
-            return q
-        start, end, tip = self.geometry.tip(np.stack([target.approach, target.end, q]))
-        share = float((tip - start) @ (end - start) / ((end - start) @ (end - start)))
-        bent = line_point(self.geometry.cell, target.approach, target.end, np.array([share]))[0]
-        return np.asarray(q - bent + target.approach + share * (target.end - target.approach))
+            return q, ""
+        cell = self.geometry.cell
+        tips, R = cell.kinematics.tip(np.stack([target.approach, target.end, q]), cell.theta)
+        way, gone = tips[1] - tips[0], tips[2] - tips[0]
+        share = float(gone @ way / (way @ way))
+        off = float(np.linalg.norm(gone - share * way))
+        turned = float(np.arccos(np.clip((np.trace(R[0].T @ R[2]) - 1) / 2, -1, 1)))
+        reason = ""
+        if off > OFF_LINE or turned > TURNED:
+            reason = f"the tip lies {off:.2f} mm off the line of search, turned by {np.degrees(turned):.2f} deg"
+        return target.approach + share * (target.end - target.approach), reason

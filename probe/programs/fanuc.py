@@ -70,9 +70,9 @@ def capacity(registers: int | None) -> int:
 def write(part: Part) -> dict[str, str]:
     """The program of a part, and the subprogram that makes one touch."""
     lines, positions = list(_main(part)), [q for routine in part.routines for q in _postures(routine, part)]
-    files = {f"{part.name}.LS": _program(part.name, f"touchcal {part.number}/{part.parts}", lines, positions)}
+    files = {f"{part.name}.LS": _program(part, part.name, lines, positions)}
     if not part.options.rehearsal:
-        files["TCTOUCH.LS"] = _program("TCTOUCH", "touchcal", _touch(part), [])
+        files["TCTOUCH.LS"] = _program(part, "TCTOUCH", _touch(part), [])
     return files
 
 
@@ -236,9 +236,10 @@ PAUSE
 END""".splitlines()
 
 
-def _program(name: str, comment: str, lines: Sequence[str], positions: Sequence[Joints]) -> str:
+def _program(part: Part, name: str, lines: Sequence[str], positions: Sequence[Joints]) -> str:
     head = [
-        f"/PROG  {name}", "/ATTR", "OWNER\t\t= MNEDITOR;", f'COMMENT\t\t= "{comment[:16]}";', "PROG_SIZE\t= 0;",
+        f"/PROG  {name}", "/ATTR", "OWNER\t\t= MNEDITOR;", f'COMMENT\t\t= "touchcal {part.number}/{part.parts}";',
+        "PROG_SIZE\t= 0;",
         "CREATE\t\t= DATE 26-01-01  TIME 00:00:00;", "MODIFIED\t= DATE 26-01-01  TIME 00:00:00;", "FILE_NAME\t= ;",
         "VERSION\t\t= 0;", f"LINE_COUNT\t= {len(lines)};", "MEMORY_SIZE\t= 0;", "PROTECT\t\t= READ_WRITE;",
         "TCD:  STACK_SIZE\t= 0,", "      TASK_PRIORITY\t= 50,", "      TIME_SLICE\t= 0,", "      BUSY_LAMP_OFF\t= 0,",
@@ -249,6 +250,6 @@ def _program(name: str, comment: str, lines: Sequence[str], positions: Sequence[
     tail = ["/POS"]
     for k, counts in enumerate(positions, 1):
         values = [f"J{j + 1}= {value + 0.0:11.5f} deg" for j, value in enumerate(counts.round(5))]
-        tail += [f"P[{k}]{{", "   GP1:", "\tUF : 0, UT : 1,\t"]
+        tail += [f"P[{k}]{{", "   GP1:", f"\tUF : {part.options.frame or 0}, UT : {part.options.tool or 1},\t"]
         tail += ["\t" + ",\t".join(values[:3]) + ",", "\t" + ",\t".join(values[3:]), "};"]
     return "\n".join([*head, *body, *tail, "/END", ""])

@@ -152,7 +152,7 @@ def _main(part: Part) -> Iterator[str]:
             yield from (*_axis_speed(percent(leg.share)), f" PTP {_axis(part.counts(leg.q))}")
         if options.rehearsal:
             continue
-        x, y, z = routine.along
+        x, y, z = routine.along.round(4) + 0.0
         yield f" TC_A={_axis(part.counts(routine.legs[-1].q))}"
         yield f" TC_D={{X {x:.4f},Y {y:.4f},Z {z:.4f},A 0.0,B 0.0,C 0.0}}"
         yield from _axis_speed(percent(routine.back.share))

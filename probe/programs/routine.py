@@ -2,22 +2,25 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.cell import Cell
+from identify.model.cell import DEG, Cell
 from identify.model.files import InputError
 from identify.model.frames import rotation
 from identify.model.ik import reach
 from identify.model.touch import Plan
 from probe.motion.joint_path import Geometry, Target
+from probe.motion.router import Ways
 from probe.programs.log import JOINTS
 from probe.programs.options import Options
 from probe.runs.preflight import validate
 
+INSIDE = 0.002 * DEG  # [rad] of the joint limits: a pulse of the coarsest joint
 SHORTER = np.linspace(1.0, 0.5, 11)  # of the search, where a joint limit ends the straight line before
-SLOWEST = 0.01  # of the joint speed, on a move
+SLOWEST, FASTEST = 0.01, 0.3  # of the joint speeds, on a move: an operator stands beside it
 
 Joints = Float[np.ndarray, " joints"]
 
@@ -62,7 +65,14 @@ def routines(plan: Plan, cell: Cell, options: Options, *, straight: bool) -> lis
     targets = validate(plan, cell, settings)
     geometry = Geometry(cell, settings)
     ends = line_ends(cell, targets, geometry) if straight else [target.end for target in targets]
-    return [_routine(i, targets[i], ends[i], geometry, options) for i in range(len(targets))]
+    ends = [_inside(end, cell) for end in ends]
+    places = [_place(target, geometry, options) for target in targets]
+    ways = Ways(geometry, [q for target, place in zip(targets, places, strict=True) for q in (*target.via, place)])
+    out, here = list[Routine](), None
+    for target, place, end in zip(targets, places, ends, strict=True):
+        out.append(_routine(len(out) + 1, target, end, _route(here, place, target, ways), geometry))
+        here = place
+    return out
 
 
 def line_ends(cell: Cell, targets: Sequence[Target], geometry: Geometry) -> list[Joints]:
@@ -89,40 +99,41 @@ def line_ends(cell: Cell, targets: Sequence[Target], geometry: Geometry) -> list
     raise InputError(f"touch '{name}': the tip cannot go straight on from the approach to the face; plan it again")
 
 
-def line_point(cell: Cell, start: Joints, end: Joints, shares: Float[np.ndarray, " shares"]) -> np.ndarray:
-    """Joints [rad] at shares of a straight line of the tip, which keeps its orientation."""
-    position, R = cell.kinematics.tip(np.stack([start, end]), cell.theta)
-    goal = position[0] + shares[:, None] * (position[1] - position[0])
-    guess = start + shares[:, None] * (end - start)
-    return reach(cell.kinematics, cell.theta, goal, np.repeat(R[:1], len(shares), axis=0), guess).q
+def _inside(q: Joints, cell: Cell) -> Joints:
+    """Joints that stay within their limits when they are rounded."""
+    return np.clip(q, cell.robot.lower + INSIDE, cell.robot.upper - INSIDE)
 
 
-def _routine(i: int, target: Target, end: Joints, geometry: Geometry, options: Options) -> Routine:
+def _place(target: Target, geometry: Geometry, options: Options) -> Joints:
+    """Where a touch is approached; in a rehearsal further off its face."""
+    if not options.rehearsal:
+        return target.approach
+    far = geometry.length(target.contact, target.approach) + geometry.settings.dry_distance
+    return geometry.beyond(target.contact, target.approach, far)
+
+
+def _route(here: Joints | None, place: Joints, target: Target, ways: Ways) -> list[Joints | None]:
+    """The postures to an approach, as a live run goes there; the first is where the robot stands."""
+    if here is None:
+        return [None, *target.via, place]
+    if route := ways.route(here, place, list(target.via)):
+        return [here, *route]
+    raise InputError(f"every way to touch '{target.id}' leads the tip through the jig; plan the order again")
+
+
+def _routine(number: int, target: Target, end: Joints, route: list[Joints | None], geometry: Geometry) -> Routine:
     cell = geometry.cell
-    approach = target.approach
-    if options.rehearsal:
-        far = geometry.length(target.contact, approach) + geometry.settings.dry_distance
-        approach = geometry.beyond(target.contact, approach, far)
-    stops = [*target.via, approach]
-    legs = [
-        _leg(start, q, geometry, geometry.settings.move_speed) for start, q in zip([None, *stops], stops, strict=False)
-    ]
+    legs = tuple(
+        _leg(a, _inside(b, cell), geometry, geometry.settings.move_speed) for a, b in pairwise(route) if b is not None
+    )
     tips = geometry.tip(np.stack([target.approach, end]))
     base_R_jig = rotation(*(np.zeros(3) if cell.base is None else cell.base[3:])).T
     length = geometry.length(target.approach, end)
-    back = _leg(end, approach, geometry, geometry.settings.retract_speed)
     return Routine(
-        i + 1,
-        target.id,
-        target.face.name,
-        tuple(legs),
-        back,
-        target.approach,
-        end,
-        base_R_jig @ (tips[1] - tips[0]),
-        length,
-        length / geometry.search_speed,
-    )
+        number=number, id=target.id, face=target.face.name, legs=legs,
+        back=_leg(end, legs[-1].q, geometry, geometry.settings.retract_speed), start=target.approach, end=end,
+        along=base_R_jig @ (tips[1] - tips[0]), length=length, seconds=length / geometry.search_speed,
+    )  # fmt: skip
 
 
 def _leg(start: Joints | None, q: Joints, geometry: Geometry, speed: float) -> Leg:
@@ -132,4 +143,5 @@ def _leg(start: Joints | None, q: Joints, geometry: Geometry, speed: float) -> L
         return Leg(q, SLOWEST, SLOWEST * float(robot.speed.max()))
     rate = geometry.move_rate(start, q, speed)
     share = rate / geometry.span(start, q) * float((step / robot.speed).max())
-    return Leg(q, float(np.clip(share, SLOWEST, 1.0)), rate)
+    chosen = float(np.clip(share, SLOWEST, FASTEST))
+    return Leg(q, chosen, rate * chosen / share)

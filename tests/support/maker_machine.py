@@ -17,14 +17,14 @@ from probe.virtual.records import CONTACT, MOVE, NOCONTACT, OK, SEARCH
 from probe.virtual.robot import VirtualRobot
 from probe.virtual.truth import Truth
 
-SEGMENT = 10.0  # [mm] of a straight line that is run as one joint motion: it bends by 12 um at a metre
+SEGMENT, TURN = 15.0, np.radians(2.0)  # [mm], [rad] of a straight line that is run as one joint motion
 
 
 class RepeatableArm(Arm):
     """An arm whose noise depends on how many contacts there were."""
 
     def _draw(self) -> None:
-        self.rng = np.random.default_rng([7, self.contacts])
+        self.rng = np.random.default_rng([11, self.contacts])
         super()._draw()
 
 
@@ -128,9 +128,9 @@ class Machine:
     def _line(self, position, rotation, speed, kind):
         start, R = self.pose(self.counts)
         length = float(np.linalg.norm(position - start))
-        pieces = max(1, int(np.ceil(length / SEGMENT)))
-        turn = rotvec(R.T @ rotation)
-        q = self.robot.q
+        turn, q = rotvec(R.T @ rotation), self.robot.q
+        span = float(np.abs(self.solve(position, rotation, q) - q).max())
+        pieces = max(1, int(np.ceil(length / SEGMENT)), int(np.ceil(span / TURN)))
         for k in range(1, pieces + 1):
             goal = self.solve(start + k / pieces * (position - start), R @ turned(k / pieces * turn), q)
             rate = max(float(np.abs(goal - q).max()) * speed * pieces / max(length, 1e-6), 1e-4)

@@ -1,11 +1,13 @@
 """One plan, one virtual arm and one live run, shared by all makers."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from maker_bench import BROKEN, DELAY, STICKS, TOUCHES, Bench, Made, make
+from maker_bench import BROKEN, DELAY, PULSES, STICKS, TOUCHES, Bench, Made, make
 from maker_machine import LiveController, RobotClock
-from touching import clear_plan, pointed
 
+from identify.model.io.tables import read_plan
 from identify.model.touch import Touches
 from probe.motion.settings import Settings
 from probe.programs.makers import MAKERS
@@ -14,13 +16,22 @@ from probe.runs.execution import run
 from probe.runs.session import Session
 from probe.virtual.truth import Effects, Truth
 
+PLAN = Path(__file__).with_name("plan.csv")  # touchcal plan -n 60 --seed 1 of the library's cell
+
+
+@pytest.fixture(scope="session", autouse=True)
+def pulses():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("probe.programs.counting._per_degree", lambda robot: PULSES)
+        yield
+
 
 @pytest.fixture(scope="session")
 def bench(arc_welder) -> Bench:
     """An arm off by a fifth of its tolerances, with play, delay, bounce and noise."""
     rng = np.random.default_rng(5)
-    cell = pointed(arc_welder)
-    plan = clear_plan(cell, TOUCHES)
+    cell, plan = arc_welder, read_plan(PLAN, arc_welder)
+    assert len(plan) == TOUCHES
     theta = cell.theta + 0.15 * cell.scale * rng.standard_normal(len(cell.theta))
     effects = Effects(
         sigma=0.03, joint_noise=(0.0, np.radians(0.0005)), backlash=(0.0, np.radians(0.002)), relay_delay=DELAY,
@@ -56,5 +67,4 @@ def made(bench, tmp_path_factory) -> dict[str, Made]:
     return {
         maker: make(bench, maker, tmp_path_factory.mktemp(maker), options.get(maker, Options()), **faults)
         for maker in MAKERS
-        if maker != "yaskawa"
     }
