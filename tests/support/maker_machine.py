@@ -24,7 +24,7 @@ class RepeatableArm(Arm):
     """An arm whose noise depends on how many contacts there were."""
 
     def _draw(self) -> None:
-        self.rng = np.random.default_rng([11, self.contacts])
+        self.rng = np.random.default_rng([3, self.contacts])
         super()._draw()
 
 
