@@ -4,7 +4,6 @@ In the order in which data walks through:
 
     options   what an operator may choose
     routine   what a program does for each touch
-    counting  joints as the controller counts them
     log       what a program logged, and the text form of it
     part      one file of a program
     fanuc     TP programs, and position registers

@@ -15,7 +15,6 @@ from pathlib import Path
 
 from identify.model.files import read_text
 from identify.model.robot import Robot
-from probe.programs.counting import from_counts
 from probe.programs.log import CLOSED, HELD, MISSED, OPENED, TOUCHED, Log, read_lines
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, joined
@@ -54,7 +53,7 @@ def write(part: Part) -> dict[str, str]:
 
 def read(paths: Sequence[Path], robot: Robot, stamp: int) -> list[Log]:
     """Logs from text files; `stamp` is compared later."""
-    return [read_lines(path, read_text(path).splitlines(), lambda q: from_counts(robot, q)) for path in paths]
+    return [read_lines(path, read_text(path).splitlines(), robot.from_controller) for path in paths]
 
 
 def _joints(counts: Joints) -> str:

@@ -16,7 +16,6 @@ import numpy as np
 
 from identify.model.files import InputError, read_text
 from identify.model.robot import Robot
-from probe.programs.counting import from_counts
 from probe.programs.log import (
     CLOSED,
     HEADER,
@@ -144,7 +143,7 @@ def _joints(path: Path, positions: Registers, index: int, robot: Robot) -> Joint
     line, text = positions.get(index, (0, ""))
     values = {int(match[1]): float(match[2]) for match in JOINT.finditer(text)}
     if sorted(values) == list(range(1, JOINTS + 1)):
-        return from_counts(robot, np.array([values[k + 1] for k in range(JOINTS)]))
+        return robot.from_controller(np.array([values[k + 1] for k in range(JOINTS)]))
     if "Uninitialized" in text or not text:
         return np.full(JOINTS, np.nan)
     raise fault(path, line, f"PR[{index}] does not hold joints; the program stores JPOS, was it changed to LPOS?")

@@ -18,7 +18,6 @@ import numpy as np
 
 from identify.model.files import read_text
 from identify.model.robot import Robot
-from probe.programs.counting import from_counts
 from probe.programs.log import (
     CLOSED,
     HELD,
@@ -128,7 +127,7 @@ def _axes(path: Path, values: Values, name: str, index: int, robot: Robot) -> Jo
     axes = {int(match[1]): float(match[2]) for match in AXIS.finditer(text)}
     if len(axes) < JOINTS:
         raise fault(path, line, f"{name}[{index}] is '{text}', expected A1 to A6; archive the program again")
-    return from_counts(robot, np.array([axes[k + 1] for k in range(JOINTS)]))
+    return robot.from_controller(np.array([axes[k + 1] for k in range(JOINTS)]))
 
 
 def _axis(counts: Joints) -> str:

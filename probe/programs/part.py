@@ -8,7 +8,6 @@ from math import ceil
 import numpy as np
 
 from identify.model.robot import Robot
-from probe.programs.counting import to_counts
 from probe.programs.options import UNTRIED, Options
 from probe.programs.routine import Joints, Routine
 
@@ -46,7 +45,7 @@ class Part:
 
     def counts(self, q: Joints) -> Joints:
         """Joint values [rad] as the controller counts them [deg]."""
-        return to_counts(self.robot, q)
+        return self.robot.to_controller(q)
 
     @property
     def remarks(self) -> tuple[str, ...]:

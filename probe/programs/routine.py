@@ -13,7 +13,7 @@ from identify.model.frames import rotation
 from identify.model.ik import reach
 from identify.model.touch import Plan
 from probe.motion.joint_path import Geometry, Target
-from probe.motion.router import Ways
+from probe.motion.room import Room
 from probe.programs.log import JOINTS
 from probe.programs.options import Options
 from probe.runs.preflight import validate
@@ -67,10 +67,10 @@ def routines(plan: Plan, cell: Cell, options: Options, *, straight: bool) -> lis
     ends = line_ends(cell, targets, geometry) if straight else [target.end for target in targets]
     ends = [_inside(end, cell) for end in ends]
     places = [_place(target, geometry, options) for target in targets]
-    ways = Ways(geometry, [q for target, place in zip(targets, places, strict=True) for q in (*target.via, place)])
+    room = Room(cell, [q for target, place in zip(targets, places, strict=True) for q in (*target.via, place)])
     out, here = list[Routine](), None
     for target, place, end in zip(targets, places, ends, strict=True):
-        out.append(_routine(len(out) + 1, target, end, _route(here, place, target, ways), geometry))
+        out.append(_routine(len(out) + 1, target, end, _route(here, place, target, room), geometry))
         here = place
     return out
 
@@ -112,13 +112,14 @@ def _place(target: Target, geometry: Geometry, options: Options) -> Joints:
     return geometry.beyond(target.contact, target.approach, far)
 
 
-def _route(here: Joints | None, place: Joints, target: Target, ways: Ways) -> list[Joints | None]:
+def _route(here: Joints | None, place: Joints, target: Target, room: Room) -> list[Joints | None]:
     """The postures to an approach, as a live run goes there; the first is where the robot stands."""
     if here is None:
         return [None, *target.via, place]
-    if route := ways.route(here, place, list(target.via)):
+    if route := room.route(here, place, list(target.via)):
         return [here, *route]
-    raise InputError(f"every way to touch '{target.id}' leads the tip through the jig; plan the order again")
+    hit = room.obstruction(here, place, list(target.via))
+    raise InputError(f"no clear way to touch '{target.id}' was found: {hit}; plan the order again")
 
 
 def _routine(number: int, target: Target, end: Joints, route: list[Joints | None], geometry: Geometry) -> Routine:

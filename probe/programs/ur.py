@@ -16,7 +16,6 @@ import numpy as np
 
 from identify.model.files import InputError, read_text
 from identify.model.robot import Robot
-from probe.programs.counting import from_counts
 from probe.programs.log import CLOSED, HELD, MISSED, OPENED, TOUCHED, Log, read_lines
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, joined
@@ -58,7 +57,7 @@ def read(paths: Sequence[Path], robot: Robot, stamp: int) -> list[Log]:
     """Logs from files that hold what came over the socket; `stamp` is compared later."""
 
     def to_joints(values: Joints) -> Joints:
-        return from_counts(robot, np.degrees(values / UNITS))
+        return robot.from_controller(np.degrees(values / UNITS))
 
     return [read_lines(path, read_text(path).splitlines(), to_joints) for path in paths]
 

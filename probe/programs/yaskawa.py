@@ -18,7 +18,6 @@ import numpy as np
 
 from identify.model.files import InputError, read_text
 from identify.model.robot import Robot
-from probe.programs.counting import from_pulses, to_pulses
 from probe.programs.log import (
     CLOSED,
     HEADER,
@@ -158,7 +157,7 @@ def _pulses(path: Path, places: Variables, index: int, robot: Robot, code: int) 
         raise fault(
             path, line, f"P{index:03d} is '{text}', expected {JOINTS} whole pulses; is it no PULSE type?"
         ) from None
-    return from_pulses(robot, pulses)
+    return robot.from_pulses(pulses)
 
 
 def _signals(part: Part) -> tuple[str, str]:
@@ -170,9 +169,9 @@ def _signals(part: Part) -> tuple[str, str]:
 
 def _positions(part: Part) -> Iterator[Joints]:
     for routine in part.routines:
-        yield from (to_pulses(part.robot, leg.q) for leg in routine.legs)
+        yield from (part.robot.to_pulses(leg.q) for leg in routine.legs)
         if not part.options.rehearsal:
-            yield to_pulses(part.robot, routine.end)
+            yield part.robot.to_pulses(routine.end)
 
 
 def _main(part: Part) -> Iterator[str]:

@@ -18,7 +18,7 @@ from probe.programs.options import Options
 from probe.virtual.truth import Truth
 
 TOUCHES = 60
-BROKEN = frozenset({9, 31, 32})  # searches in which the wire is broken: they miss
+MISSES = frozenset({9, 31, 32})  # searches in which the jig is away
 STICKS = 45  # the search after which the input stays closed
 DELAY = 0.004  # [s] of the relay
 PULSES = np.array([1341.38, 1907.674, 1592.889, 1022.862, 980.239, 454.754])  # of a degree

@@ -21,7 +21,12 @@ SEGMENT, TURN = 15.0, np.radians(2.0)  # [mm], [rad] of a straight line that is 
 
 
 class RepeatableArm(Arm):
-    """An arm whose noise depends on how many contacts there were."""
+    """An arm whose noise depends on how many contacts there were, and whose torch hits things if asked for."""
+
+    collides = False  # a tenth of a second a motion
+
+    def _collision(self, paths, length):
+        return super()._collision(paths, length) if self.collides else None
 
     def _draw(self) -> None:
         self.rng = np.random.default_rng([3, self.contacts])
@@ -30,9 +35,9 @@ class RepeatableArm(Arm):
 
 @dataclass
 class ScriptedRobot(VirtualRobot):
-    """A robot whose wire is broken in some searches, and whose input stays closed after one."""
+    """A robot before a jig that is away in some searches, and whose input stays closed after one."""
 
-    broken: frozenset[int] = frozenset()  # numbers of searches, from 1
+    missing: frozenset[int] = frozenset()  # numbers of searches without the jig, from 1
     sticks: int = 0  # number of the search after which the input sticks
     searches: int = 0
     commanded: list = field(default_factory=list)  # [rad], ends of the moves
@@ -44,7 +49,7 @@ class ScriptedRobot(VirtualRobot):
     def new_search(self) -> None:
         """A touch begins."""
         self.searches += 1
-        self.health.open = self.searches in self.broken
+        self.health.open = self.searches in self.missing
 
     def begin(self, kind, q, rate, *, watch=True):
         if kind == MOVE:
@@ -54,10 +59,10 @@ class ScriptedRobot(VirtualRobot):
         return super().begin(kind, q, rate, watch=watch)
 
 
-def scripted(cell: Cell, truth: Truth, plan: Plan, broken=frozenset(), sticks: int = 0) -> ScriptedRobot:
+def scripted(cell: Cell, truth: Truth, plan: Plan, missing=frozenset(), sticks: int = 0) -> ScriptedRobot:
     """A robot that stands where the plan begins."""
     start = plan.way(0)[0]
-    return ScriptedRobot(cell, truth, np.random.default_rng(1), start, broken=frozenset(broken), sticks=sticks)
+    return ScriptedRobot(cell, truth, np.random.default_rng(1), start, missing=frozenset(missing), sticks=sticks)
 
 
 class Machine:

@@ -1,13 +1,15 @@
 """One plan, one virtual arm and one live run, shared by all makers."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from maker_bench import BROKEN, DELAY, PULSES, STICKS, TOUCHES, Bench, Made, make
+from maker_bench import DELAY, MISSES, PULSES, STICKS, TOUCHES, Bench, Made, make
 from maker_machine import LiveController, RobotClock
 
 from identify.model.io.tables import read_plan
+from identify.model.joint_counting import JointCounting
 from identify.model.touch import Touches
 from probe.motion.settings import Settings
 from probe.programs.makers import MAKERS
@@ -19,18 +21,13 @@ from probe.virtual.truth import Effects, Truth
 PLAN = Path(__file__).with_name("plan.csv")  # touchcal plan -n 60 --seed 1 of the library's cell
 
 
-@pytest.fixture(scope="session", autouse=True)
-def pulses():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("probe.programs.counting._per_degree", lambda robot: PULSES)
-        yield
-
-
 @pytest.fixture(scope="session")
 def bench(arc_welder) -> Bench:
     """An arm off by a fifth of its tolerances, with play, delay, bounce and noise."""
     rng = np.random.default_rng(5)
-    cell, plan = arc_welder, read_plan(PLAN, arc_welder)
+    counting = JointCounting(pulses=tuple(PULSES))
+    cell = replace(arc_welder, robot=replace(arc_welder.robot, counting=counting))
+    plan = read_plan(PLAN, cell)
     assert len(plan) == TOUCHES
     theta = cell.theta + 0.15 * cell.scale * rng.standard_normal(len(cell.theta))
     effects = Effects(
@@ -43,7 +40,7 @@ def bench(arc_welder) -> Bench:
 @pytest.fixture(scope="session")
 def live(bench, tmp_path_factory) -> Touches:
     """The touches of a live run, one attempt each, every search from the approach."""
-    robot = bench.robot(broken=BROKEN)
+    robot = bench.robot(missing=MISSES)
     settings = Settings(retries=0, misses=TOUCHES, near=1e6, trust_position=True)
     path, clock = tmp_path_factory.mktemp("live") / "touches.csv", RobotClock(robot)
     with pytest.MonkeyPatch.context() as patch:
@@ -62,7 +59,7 @@ def live(bench, tmp_path_factory) -> Touches:
 @pytest.fixture(scope="session")
 def made(bench, tmp_path_factory) -> dict[str, Made]:
     """The programs of all makers, run on the same arm: three misses, and an input that sticks once."""
-    faults = {"broken": BROKEN, "sticks": STICKS}
+    faults = {"missing": MISSES, "sticks": STICKS}
     options = {"fanuc": Options(first=11, tool="2"), "ur": Options(per_file=25)}
     return {
         maker: make(bench, maker, tmp_path_factory.mktemp(maker), options.get(maker, Options()), **faults)
