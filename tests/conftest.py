@@ -48,11 +48,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
-    """Tests that share what their module makes run on one worker, so that it is made once (`--dist loadgroup`)."""
+    """Tests that share what takes long to make run on one worker, so that it is made once (`--dist loadgroup`).
+
+    They share the demo, or a fixture of their module.
+    """
     for item in items:
-        shared = any(made[-1].scope == "module" for made in item._fixtureinfo.name2fixturedefs.values())
-        if shared and not item.get_closest_marker("xdist_group"):
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
+        fixtures = item._fixtureinfo.name2fixturedefs
+        shared = any(definitions[-1].scope == "module" for definitions in fixtures.values())
+        if (shared or "demo" in fixtures) and not item.get_closest_marker("xdist_group"):
+            group = "demo" if "demo" in fixtures else str(item.path.relative_to(item.config.rootpath))
+            item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture

@@ -1,13 +1,14 @@
 """`touchcal compensate`."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import sheet_text, write_text
-from oed.cli.options import Json, TrustUnits, numbers, print_json
+from oed.cli.options import Flag, Json, Output, TrustUnits, numbers, print_json
 from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
@@ -18,16 +19,37 @@ if TYPE_CHECKING:
 SHOWN = 10  # targets left alone that are named on the screen
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Solving:
+    """How joints are solved for."""
+
+    near: str | None = None
+    """A posture to look for solutions from, as the pendant shows it: joint values parted by commas (degrees, or mm)."""
+    free_roll: Flag = False
+    """Leave the turn about the wire open."""
+    max_change_deg: float | None = None
+    """Leave a pose alone where a joint would change by more; 3 degrees, or three times what is usual for this robot."""
+
+    def options(self, robot: "Robot") -> dict[str, Any]:
+        """The keywords of `identify.compensate`."""
+        near, change = self.near, self.max_change_deg
+        start = None if near is None else robot.from_controller(numbers(near, len(robot.joints), "--near"))
+        limit = None if change is None else float(np.radians(change))
+        return {"near": start, "free_roll": self.free_roll, "max_change": limit}
+
+
+USUAL = Solving()
+
+
 def compensate(
     calibration: Path,
     poses: Path,
     *,
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.csv"),
+    output: Output = Path("corrected.csv"),
     frame: str = "jig",
     fixed_to: Literal["jig", "robot"] = "jig",
-    near: str | None = None,
-    free_roll: Annotated[bool, Parameter(negative=())] = False,
-    max_change_deg: float | None = None,
+    solving: Solving = USUAL,
     trust_units: TrustUnits = False,
     json: Json = False,
 ) -> None:
@@ -52,12 +74,6 @@ def compensate(
     fixed_to
         Poses fixed to the jig stay where they are when the base was found elsewhere; those fixed to the robot move with
         its base.
-    near
-        A posture to look for solutions from, as the pendant shows it: joint values parted by commas (degrees, or mm).
-    free_roll
-        Leave the turn about the wire open.
-    max_change_deg
-        Leave a pose alone where a joint would change by more; 3 degrees, or three times what is usual for this robot.
     """
     from identify.compensation.compensate import compensate as corrected
     from identify.compensation.compensate import remarks
@@ -67,18 +83,9 @@ def compensate(
     identified = read_calibration(calibration)
     robot = identified.cell.robot
     wanted = read_poses(poses, trust_units=trust_units)
-    start = None if near is None else robot.from_controller(numbers(near, len(robot.joints), "--near"))
-    limit = None if max_change_deg is None else float(np.radians(max_change_deg))
+    options = solving.options(robot)
     with progress(not json, "solving for joints"):
-        result = corrected(
-            identified,
-            wanted.pose,
-            frame=_frame(frame),
-            fixed_to=fixed_to,
-            near=start,
-            free_roll=free_roll,
-            max_change=limit,
-        )
+        result = corrected(identified, wanted.pose, frame=_frame(frame), fixed_to=fixed_to, **options)
     write_text(output, table(wanted, result, robot))
     if json:
         print_json(summary(wanted, result))

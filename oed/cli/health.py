@@ -71,15 +71,13 @@ def health(
     output
         Where the plan is written; with --run, a plan that stands there is used again.
     """
-    from identify.health.judge import LEAST, judge
+    from identify.health.judge import judge
     from identify.model.io.calibration_file import read_calibration
     from identify.model.touch import joined
 
     identified = read_calibration(calibration)
     if not 0 < alarm < 1:
         raise InputError(f"--alarm is {alarm:g}, expected a probability such as 0.01")
-    if n < LEAST:
-        raise InputError(f"{n} touches are too few to judge a robot by; plan {LEAST} at least, better 12")
     if touches and run:
         raise InputError("touches are given and --run asks for new ones; give one of the two")
     if not touches:
@@ -100,9 +98,12 @@ def health(
 def _planned(identified: "Calibration", file: Path, n: int, output: Path, seed: int, again: bool) -> "Plan":
     """The plan of a check: the one that stands there, or a new one."""
     from identify.health.causes import looked_for
+    from identify.health.judge import LEAST
     from identify.model.io.tables import plan_text, read_plan
     from oed.planning.health_check import plan_check
 
+    if n < LEAST:
+        raise InputError(f"{n} touches are too few to judge a robot by; plan {LEAST} at least, better 12")
     if again and output.exists():
         return read_plan(output, identified.cell)
     with progress(True, "choosing touches"):

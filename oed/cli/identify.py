@@ -1,8 +1,8 @@
 """`touchcal identify`."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from oed.cli.options import (
     CellFile,
     Json,
+    Output,
     Seed,
     TrustUnits,
     errors_table,
@@ -25,14 +26,33 @@ if TYPE_CHECKING:
     from identify.model.io.calibration_file import Calibration
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Fit:
+    """How parameters are estimated."""
+
+    loss: Literal["huber", "linear", "cauchy"] = "huber"
+    """How touches that disagree are found: huber, cauchy, or linear to use all touches as they are."""
+    priors: bool = True
+    """Use the tolerances of the cell file beside the touches (maximum a posteriori)."""
+    parameters: Literal["all", "identifiable"] = "all"
+    """identifiable eliminates what touches of the robot on the drawing cannot tell apart: few parameters, each with
+    its name. all estimates every parameter and lets the tolerances tell apart what touches cannot. Take all for a
+    robot that is centimetres off its drawing, where it is worth up to 0.4 mm: axes that are parallel on the drawing
+    are not on the robot. It needs priors that are honest; campaigns always do so."""
+    errors: str = "auto"
+    """Joint errors beyond geometry: auto lets the touches choose among harmonics, compliance, backlash, coupling,
+    gear and thermal; names, with commas between them, take these; none takes none; cell those of the cell file."""
+
+
+USUAL = Fit()
+
+
 def identify(
     *files: Path,
     cell: CellFile = Path("cell.yaml"),
-    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("calibration.json"),
-    loss: Literal["huber", "linear", "cauchy"] = "huber",
-    priors: bool = True,
-    parameters: Literal["all", "identifiable"] = "all",
-    errors: str = "auto",
+    output: Output = Path("calibration.json"),
+    fit: Fit = USUAL,
     seed: Seed = 0,
     trust_units: TrustUnits = False,
     json: Json = False,
@@ -52,18 +72,6 @@ def identify(
         touches.csv and positions.csv files, one or more.
     output
         Where the identified robot is written.
-    loss
-        How touches that disagree are found: huber, cauchy, or linear to use all touches as they are.
-    priors
-        Use the tolerances of the cell file beside the touches (maximum a posteriori).
-    parameters
-        identifiable eliminates what touches of the robot on the drawing cannot tell apart: few parameters, each with
-        its name. all estimates every parameter and lets the tolerances tell apart what touches cannot. Take all for
-        a robot that is centimetres off its drawing, where it is worth up to 0.4 mm: axes that are parallel on the
-        drawing are not on the robot. It needs priors that are honest; campaigns always do so.
-    errors
-        Joint errors beyond geometry: auto lets the touches choose among harmonics, compliance, backlash, coupling, gear
-        and thermal; names, with commas between them, take these; none takes none; cell those of the cell file.
     """
     from identify.estimation.calibrate import calibrate
     from identify.model.files import InputError
@@ -71,16 +79,16 @@ def identify(
 
     if not files:
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
-    described = _with_errors(load_cell(cell), errors)
+    described = _with_errors(load_cell(cell), fit.errors)
     measured, inputs = read_measured(files, described, trust_units)
     with progress(not json, "identifying"):
         found = calibrate(
             described,
             *measured,
-            loss=loss,
-            priors=priors,
-            parameters=parameters,
-            errors="auto" if errors == "auto" else "cell",
+            loss=fit.loss,
+            priors=fit.priors,
+            parameters=fit.parameters,
+            errors="auto" if fit.errors == "auto" else "cell",
             rng=np.random.default_rng(seed),
             inputs=inputs,
         )
