@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from importlib import import_module
 from importlib.metadata import version
 
 import pytest
@@ -43,15 +42,6 @@ def test_help_of_any_command_loads_nothing_that_takes_time(said):
     _, loaded = said
 
     assert loaded == "[]\n"
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_help_says_the_same_of_a_command_that_is_loaded(command, said):
-    pages, _ = said
-
-    import_module(f"oed.cli.{command}")
-
-    assert page(application()[command]) + "\n" == pages[command]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
