@@ -16,7 +16,6 @@ class Issue:
 
     date: str = ""  # on which the report was made, YYYY-MM-DD
     operator: str = ""
-    serial: str = ""  # number of the robot
     version: str = ""  # of touchcal
 
 
@@ -24,7 +23,7 @@ def head(c: Calibration, issue: Issue, measured: Sequence[Measured]) -> str:
     """Title and facts: robot, serial number, date, operator, jig, wire, measurements."""
     robot, jig, wire = c.cell.robot, c.cell.jig, c.cell.wire
     entries = [
-        ("robot", robot.name), ("serial no.", issue.serial), ("issued", issue.date), ("operator", issue.operator),
+        ("robot", robot.name), ("serial no.", c.cell.serial), ("issued", issue.date), ("operator", issue.operator),
         ("measured", _period(measured)), ("jig", jig.name if jig else "none"),
         ("wire", f"{wire.shape}, radius {wire.radius:g} mm" if wire.radius else wire.shape),
         ("data", f"{len(c.residuals)} measurements, {len(c.estimated)} of {len(c.theta)} parameters estimated"),

@@ -12,7 +12,8 @@ def test_the_head_states_who_when_and_what(found, arc_welder, rng):
     touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 2, rng), rng)
     timed = replace(touches, time=("2026-03-04T10:00:00", "2026-03-05T08:00:00"))
 
-    text = head(found, Issue("2026-03-06", "A. <Welder>", "R-17", "9.9"), [timed])
+    cell = replace(found.cell, serial="R-17")
+    text = head(replace(found, cell=cell), Issue("2026-03-06", "A. <Welder>", "9.9"), [timed])
 
     for words in ("2026-03-06", "A. &lt;Welder&gt;", "R-17", "2026-03-04 to 2026-03-05", "step-block", "touchcal 9.9"):
         assert words in text
