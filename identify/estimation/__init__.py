@@ -3,6 +3,8 @@
 In the order in which data walks through:
 
     initial_guess     a closed-form start for a base and a tool that nobody measured
+    further_guess     a start for further placements, tools and points that are to be fitted
+    gauge             directions that are a choice of frame, and whether any length is known
     problem           the least squares problem of a cell and its touches
     ipopt             Ipopt for many unknowns, compiled once a size
     least_squares     weighted, robust nonlinear least squares with priors

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.estimation.diagnosis import diagnose
 from identify.estimation.folds import regions
+from identify.estimation.gauge import gauge_words, require_scale
 from identify.estimation.joint_errors import JointErrors, with_joint_errors
 from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, estimate, scatter
@@ -17,13 +18,14 @@ from identify.model.cell import Cell
 from identify.model.io.calibration_file import (
     Calibration,
     Discrepancy,
+    Finding,
     Residual,
     SharedValue,
     Term,
     fingerprints,
     summarize,
 )
-from identify.model.measurement import Measured, Rows, rows
+from identify.model.measurement import Measured, Rows, equations
 from identify.uncertainty.unknowns import Unknowns
 
 __all__ = ["CalibrationFailed", "calibrate"]
@@ -52,13 +54,13 @@ def calibrate(
     CalibrationFailed if Ipopt does not converge.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    equations = rows(cell.wire, measured, cell.robot.temperature)
-    problem = Problem.pose(cell, equations, loss, priors, parameters == "identifiable")
+    whole = equations(cell, measured)
+    problem = Problem.pose(cell, whole, loss, priors, parameters == "identifiable")
     choice: tuple[Term, ...] = ()
     if errors == "auto" and parameters == "identifiable":
         selection = select(problem, rng)
         choice, cell = selection.terms, with_errors(cell, selection.errors)
-        problem = Problem.pose(cell, equations, loss, priors)
+        problem = Problem.pose(cell, whole, loss, priors)
         start = start if not selection.errors else None  # of another robot
     found = estimate(problem, start)
     if not problem.is_stationary(found.x, found.weight):
@@ -66,6 +68,7 @@ def calibrate(
         problem = problem.complete()
         found = estimate(problem, x)
     problem.require_rank(found.x, found.weight, "at the solution")
+    require_scale(problem.unknowns, problem.unknown(found.x), problem.rows)
     fit = _Fit(problem, found, choice)
     if errors == "auto" and parameters == "all":
         joint_errors = with_joint_errors(problem, found, rng)
@@ -163,9 +166,15 @@ def _calibration(
         iterations=found.iterations,
         solve_s=found.seconds,
         choice=fit.choice,
-        findings=diagnose(problem, found, measured),
+        findings=(*diagnose(problem, found, measured), *_frames(geometry)),
         inputs=dict(inputs),
     )
+
+
+def _frames(problem: Problem) -> tuple[Finding, ...]:
+    """What is a choice of frame, in words."""
+    words = gauge_words(problem.unknowns, problem.basis) if problem.unknowns.named else ""
+    return (Finding("frame", words),) if words else ()
 
 
 def _shared(unknowns: Unknowns, x: Float[np.ndarray, " unknowns"]) -> tuple[SharedValue, ...]:

@@ -7,9 +7,29 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.frames import nearest_rotation, pose, transform
 from identify.model.measurement import Rows
+from identify.uncertainty.unknowns import Unknowns
 
 TIE = 1e-9  # of a rotation: where the rows leave a turn open, it is none
 FIRST = ""  # name of the placement that the jig itself is
+
+
+def with_further(
+    unknowns: Unknowns,
+    x: Float[np.ndarray, " unknowns"],
+    rows: Rows,
+    theta: Float[np.ndarray, " parameters"],
+) -> Float[np.ndarray, " unknowns"]:
+    """The start x [prior deviations], with what is to be fitted where it stands by the robot as it starts."""
+    if not any(unknown.precision == 0 for unknown in unknowns.named):
+        return x
+    x, found = x.copy(), further_start(unknowns.cell, rows, theta)
+    first = len(unknowns) - sum(len(unknown.nominal) for unknown in unknowns.named)
+    for unknown in unknowns.named:
+        part = slice(first, first + len(unknown.nominal))
+        if unknown.precision == 0:
+            x[part] = (found[f"{unknown.column}.{unknown.name}"] - unknown.nominal) / unknown.scale
+        first = part.stop
+    return x
 
 
 def further_start(cell: Cell, rows: Rows, theta: Float[np.ndarray, " parameters"]) -> dict[str, np.ndarray]:

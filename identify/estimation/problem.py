@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from identify.estimation.further_guess import with_further
+from identify.estimation.gauge import without_gauge
 from identify.estimation.initial_guess import starting_point
 from identify.estimation.least_squares import LOSSES, LeastSquares, Objective, Part, Solution
 from identify.model.cell import Cell
@@ -112,7 +114,8 @@ class Problem:
             basis = np.zeros((len(unknowns), seen.shape[1] + further))
             basis[: len(some), : seen.shape[1]] = seen
             basis[len(some) :, seen.shape[1] :] = np.eye(further)
-        return cls(cell, rows, unknowns, origin, basis, None, True, loss)
+        origin = with_further(unknowns, origin, rows, start)
+        return cls(cell, rows, unknowns, origin, without_gauge(unknowns, origin, basis, rows), None, True, loss)
 
     def __post_init__(self) -> None:
         self.size = self.basis.shape[1]

@@ -172,6 +172,7 @@ class Extended:
     A: Float[np.ndarray, "rows unknowns"]
     y: Float[np.ndarray, " rows"]
     bare: Cell
+    allowed: Float[np.ndarray, "unknowns unknowns"] | None = None  # projection without choices of frame; None: no such
 
     def columns(self) -> tuple[tuple[int, ...], dict[str, tuple[int, ...]]]:
         """Columns of the robot as it was and of what measurements share, and those of each further error model."""
@@ -214,8 +215,18 @@ def extend(problem: Problem, x: Float[np.ndarray, " size"], errors: Sequence[str
     beyond = {name for name, _, _ in cell.robot.error_parameters}
     held = np.array([problem.priors or name in beyond for name in unknowns.names])
     none = np.empty(0)
-    start = Extended(unknowns, at, unknowns.precision * held, problem.rows, none[:, None], none, problem.cell)
+    allowed = _allowed(problem, unknowns) if unknowns.named else None
+    start = Extended(unknowns, at, unknowns.precision * held, problem.rows, none[:, None], none, problem.cell, allowed)
     return relinearized(start, at)
+
+
+def _allowed(problem: Problem, unknowns: Unknowns) -> Float[np.ndarray, "unknowns unknowns"]:
+    """The projection of unknowns without a prior on the directions that a problem has for them."""
+    loose = problem.unknowns.precision == 0
+    B = problem.basis[loose][:, np.isinf(problem.prior)]
+    P, place = np.eye(len(unknowns)), np.flatnonzero(unknowns.precision == 0)
+    P[np.ix_(place, place)] = B @ B.T
+    return P
 
 
 def relinearized(extended: Extended, at: Float[np.ndarray, " unknowns"]) -> Extended:
@@ -225,6 +236,8 @@ def relinearized(extended: Extended, at: Float[np.ndarray, " unknowns"]) -> Exte
     taken = [unknowns.linearize(at, rows.take(np.arange(len(rows))[part])) for part in parts]
     r, A = np.concatenate([r for r, _ in taken]) / rows.sigma, np.concatenate([J for _, J in taken])
     A /= rows.sigma[:, None]
+    if extended.allowed is not None:
+        A = A @ extended.allowed
     return replace(extended, at=at, A=A, y=A @ (at * precision) - r)
 
 

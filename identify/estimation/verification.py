@@ -29,7 +29,8 @@ class Verification:
 
 def verify(calibration: Calibration, *measured: Measured) -> Verification:
     """Errors of the nominal and of the identified robot; raises InputError if a measurement was used in the fit."""
-    found = rows(calibration.cell.wire, measured, calibration.cell.robot.temperature)
+    cell = calibration.cell
+    found = rows(cell.wire, measured, cell.robot.temperature, cell.places)
     if not len(found):
         raise InputError("there is nothing to verify with: no touch of status hit, no position")
     require_unseen(calibration, found, "errors there are no accuracy; verify with others")

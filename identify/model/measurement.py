@@ -11,13 +11,24 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.cell import Wire
+from identify.model.cell import Cell, Wire
 from identify.model.equations import LEVER, MeasurementModel, Rows, measurement_model
 from identify.model.frames import rotation
 from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
 
-__all__ = ["MEASUREMENTS", "Kind", "Measured", "MeasurementModel", "Rows", "measurement_model", "rows", "spacing_rows",
-           "tip_rows", "touch_conditions"]  # fmt: skip
+__all__ = [
+    "MEASUREMENTS",
+    "Kind",
+    "Measured",
+    "MeasurementModel",
+    "Rows",
+    "equations",
+    "measurement_model",
+    "rows",
+    "spacing_rows",
+    "tip_rows",
+    "touch_conditions",
+]
 STILL = 1e-4  # [rad] or [mm] that a joint may move on the way to a touch without a direction
 
 Measured = Touches | Positions | Poses | Distances | Contacts
@@ -42,6 +53,27 @@ def rows(wire: Wire, measured: Sequence[Measured], reference: float = 20.0, plac
         placement=_spread(measured, parts, "placement"),
         tool=_spread(measured, parts, "tool"),
     )
+
+
+def equations(cell: Cell, measured: Sequence[Measured]) -> Rows:
+    """The rows of measurements in a cell, and those of the spacings between points that they name."""
+    whole = rows(cell.wire, measured, cell.robot.temperature, cell.places)
+    here = set(whole.point)
+    pairs = [(s.start, s.end, s.distance, s.sigma) for s in cell.spacings if here & {s.start, s.end}]
+    if not pairs:
+        return whole
+    further = spacing_rows(pairs, cell.places, len(cell.robot.joints))
+    both, count = _concatenated([whole, further]), len(whole)
+    blank = ("",) * len(further)
+    conditions = np.zeros((len(further), len(cell.robot.joints) + 1))
+    return replace(
+        both, ids=whole.ids + further.ids,
+        owner=np.concatenate([whole.owner, further.owner + len(whole.ids)]),
+        conditions=None if whole.conditions is None else np.vstack([whole.conditions, conditions]),
+        block=np.concatenate([np.broadcast_to(whole.block, count), np.zeros(len(further), dtype=int)]),
+        face=whole.face + blank if whole.face else (), second=("",) * count + further.second,
+        placement=whole.placement + blank if whole.placement else (), tool=whole.tool + blank if whole.tool else (),
+    )  # fmt: skip
 
 
 def _concatenated(parts: Sequence[Rows]) -> Rows:

@@ -166,14 +166,29 @@ class Unknowns:
         self, theta: Float[np.ndarray, " parameters"], rows: Rows, x: Float[np.ndarray, " unknowns"]
     ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]:
         """Residuals [mm] without the part of what is linear, and the Jacobian by x [mm]."""
-        model = measurement_model(self.cell.robot)
         if not self.named:
-            r, J = model.linearize(theta, rows)
+            r, J = measurement_model(self.cell.robot).linearize(theta, rows)
             return r, np.hstack([self._scaled(J), self.shared_slopes(rows, theta)])
         each, rows = placed(theta, rows, self.values(x))
-        r, J, P = model.linearize_with_points(each, rows)
+        r, J, further = self._by_named(each, rows)
+        return r, np.hstack([self._scaled(J), self.shared_slopes(rows, theta), further])
+
+    def each(self, x: Float[np.ndarray, " unknowns"], rows: Rows) -> tuple[Float[np.ndarray, "*rows parameters"], Rows]:
+        """Parameters of each row with its own base and tool [mm, rad], and the rows with their points, at x."""
+        return placed(self.theta(x), rows, self.values(x))
+
+    def slopes_at(self, each: Float[np.ndarray, "rows parameters"], rows: Rows) -> Float[np.ndarray, "rows unknowns"]:
+        """Derivatives of residuals by x [mm] for rows that have parameters of their own; 0 for what is linear."""
+        _, J, further = self._by_named(each, rows)
+        return np.hstack([self._scaled(J), np.zeros((len(J), len(self.shared))), further])
+
+    def _by_named(
+        self, each: Float[np.ndarray, "*rows parameters"], rows: Rows
+    ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows parameters"], Float[np.ndarray, "rows further"]]:
+        """Residuals [mm], and their derivatives by the robot's own parameters and by frames and points."""
+        r, J, P = measurement_model(self.cell.robot).linearize_with_points(each, rows)
         further = [columns(unknown, rows, J, P) * unknown.scale for unknown in self.named]
-        return r, np.hstack([self._scaled(J), self.shared_slopes(rows, theta), *further])
+        return r, J, np.hstack(further)
 
     def values(self, x: Float[np.ndarray, " unknowns"]) -> list[tuple[Named, np.ndarray]]:
         """Frames and points with their coordinates [mm, rad] at x."""
