@@ -24,6 +24,7 @@ class Coordinates:
     prior: Information
     basis: Float[np.ndarray, "unknowns coordinates"]
     precision: Float[np.ndarray, "coordinates coordinates"]  # before the touches
+    names: tuple[str, ...] = ()  # of identifiable parameters
     rest: Float[np.ndarray, "unknowns others"] | None = None  # directions that no touch shows, 1 sigma each
 
     def __len__(self) -> int:
@@ -68,7 +69,7 @@ def of_all_unknowns(prior: Information, rows: Float[np.ndarray, "candidates unkn
     shown = 1 / np.sqrt(1 + TOUCHES * best) < 1 - SHOWN
     inverse = prior.root(np.eye(len(Vt)))  # R^-1
     basis = np.hstack([inverse @ Vt[shown].T, np.zeros((len(Vt), 1))])
-    return Coordinates(prior, basis, np.eye(basis.shape[1]), inverse @ Vt[~shown].T)
+    return Coordinates(prior, basis, np.eye(basis.shape[1]), rest=inverse @ Vt[~shown].T)
 
 
 def of_identifiable(prior: Information) -> Coordinates:
@@ -92,4 +93,4 @@ def of_identifiable(prior: Information) -> Coordinates:
     basis = np.eye(len(unknowns))[:, [place[name] for name in kept]]
     R = triangular(prior.root(A).T)
     inverse = np.linalg.inv(R)
-    return Coordinates(prior, basis, inverse @ inverse.T)
+    return Coordinates(prior, basis, inverse @ inverse.T, tuple(kept))

@@ -36,11 +36,12 @@ class TipErrors:
         own = (self.root**2).sum(axis=(1, 2))
         return own if self.mean is None else own + (self.mean**2).sum(axis=1)
 
-    def drawn(self, count: int) -> Float[np.ndarray, "poses count"]:
-        """Distances of the tip from where the estimate has it [mm], of some robots."""
+    def distances(self, robots: slice) -> Float[np.ndarray, "poses robots"]:
+        """Distances of the tip from where the estimate has it [mm], of some of ROBOTS robots."""
+        z = _normal(self.root.shape[2])[:, robots]
         if not np.isfinite(self.root).all():
-            return np.full((len(self.root), count), np.inf)
-        error = np.tensordot(self.root, _normal(self.root.shape[2])[:, :count], axes=1)
+            return np.full((len(self.root), z.shape[1]), np.inf)
+        error = np.tensordot(self.root, z, axes=1)
         if self.mean is not None:
             error += self.mean[:, :, None]
         return np.asarray(np.sqrt(np.einsum("pik,pik->pk", error, error)))
@@ -53,8 +54,8 @@ def promise(*models: TipErrors) -> Promise:
     """
     weight = np.array([model.weight for model in models])
     share = weight / weight.sum()
-    counts = np.diff(np.round(np.concatenate([[0.0], np.cumsum(share)]) * ROBOTS)).astype(int)
-    errors = [model.drawn(count) for model, count in zip(models, counts, strict=True)]
+    ends = np.round(np.concatenate([[0.0], np.cumsum(share)]) * ROBOTS).astype(int)
+    errors = [model.distances(slice(*ends[i : i + 2])) for i, model in enumerate(models)]
     of_robots = np.percentile(np.concatenate(errors, axis=1), SHARE, axis=0, method="inverted_cdf")
     square = sum(s * model.variance().mean() for s, model in zip(share, models, strict=True))
     return Promise(float(np.sqrt(square)), float(np.percentile(of_robots, SHARE, method="inverted_cdf")))

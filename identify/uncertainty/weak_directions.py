@@ -1,87 +1,82 @@
-"""What planned touches leave in the dark, in words, and what would bring it to light."""
+"""What planned touches do not show, in words, and which touches would show it."""
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.uncertainty.information import Knowledge
+from identify.uncertainty.coordinates import Coordinates
+from identify.uncertainty.information import Information
 
-SHARE = 0.1  # of the square of a direction that a parameter carries, to be named
+SHARE = 0.1  # of the square of a direction that an unknown carries, to be named
 BETTER = 3.0  # times as much as the best touch of this jig, for another face to be worth its place
-LISTED = 6  # directions told, the worst first
+LISTED = 6  # directions, the worst first
 
 
 def unseen(
-    known: Knowledge,
-    pool: Float[np.ndarray, "touches kept"],
-    chosen: Float[np.ndarray, "n kept"],
+    coordinates: Coordinates,
+    pool: Float[np.ndarray, "touches k"],
+    chosen: Float[np.ndarray, "n k"],
     zone: Float[np.ndarray, "poses joints"],
 ) -> tuple[str, ...]:
-    """A sentence for every direction of parameters that n touches see less well than what is known before.
+    """A sentence for every direction of identifiable parameters that n touches see less well than the priors do.
 
-    `pool` are the rows of all touches that the jig offers: where even n of the best of them would not do, the jig is to
-    blame, else the number or the choice. A face that would show more is looked for along the axes of the jig frame, at
-    the poses of the weld zone.
+    `pool` are the rows of all candidates: if even n of the best of them would not do, the jig is to blame, else the
+    number or the choice. A face that would show more is looked for along the axes of the jig frame, at the poses of the
+    weld zone.
     """
-    root = np.linalg.cholesky(known.precision)  # directions are compared with what is known before
+    root = np.linalg.cholesky(coordinates.precision)  # directions are compared with the priors
     value, vector = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, chosen.T @ chosen).T))
     weak = [np.linalg.solve(root.T, v) for v in vector.T[value < 1.0]]
-    return tuple(_sentence(known, pool, len(chosen), zone, v) for v in weak[:LISTED])
+    return tuple(_sentence(coordinates, pool, len(chosen), zone, v) for v in weak[:LISTED])
 
 
-def limiting(
-    known: Knowledge,
-    covariance: Float[np.ndarray, "kept kept"],
-    zone: Float[np.ndarray, "poses joints"],
-) -> str:
-    """What most of the tip error in the zone comes from after the touches, and the face that would show it best.
+def limiting(after: Information, zone: Float[np.ndarray, "poses joints"]) -> str:
+    """The combination of unknowns that most of the tip error in the zone comes from, and the face that would show it.
 
-    The direction of parameters in which the covariance moves the tip most, on the average over the zone.
+    It is the first principal component of the tip errors over all poses.
     """
-    tip = known.tip_rows(zone)
-    root = np.linalg.cholesky(covariance)
-    moves = np.einsum("pik,kl->pil", tip, root, optimize=True)
-    value, vector = np.linalg.eigh(np.einsum("pik,pil->kl", moves, moves, optimize=True))
-    v = root @ vector[:, -1]
-    share = value[-1] / value.sum()
+    tip = after.unknowns.tip_rows(zone, after.theta)
+    _, s, Vt = np.linalg.svd(after.root(tip).reshape(-1, len(after.R)), full_matrices=False)
+    v = after.root(np.eye(len(after.R))) @ Vt[0]
     pose, axis = np.unravel_index(int(np.argmax(np.abs(tip @ v))), tip.shape[:2])
     return (
-        f"{100 * share:.0f} % of the tip variance that is left comes from one direction, {_names(known, v)}; "
-        f"a face that looks along {_where(known, zone, int(pose), int(axis))} would show it best"
+        f"{100 * s[0] ** 2 / (s @ s):.0f} % of the remaining tip variance comes from one combination of unknowns: "
+        f"{_names(after.unknowns.names, v)}. To reduce it, add a face whose normal points along "
+        f"{_where(after, zone, int(pose), int(axis))}."
     )
 
 
-def _where(known: Knowledge, zone: np.ndarray, pose: int, axis: int) -> str:
+def _where(known: Information, zone: np.ndarray, pose: int, axis: int) -> str:
     """An axis, and a place in the jig frame."""
-    at = known.cell.kinematics.tip(zone[pose : pose + 1], known.theta)[0][0]
-    return f"{'xyz'[axis]} near ({', '.join(f'{x:.0f}' for x in at)}) mm"
+    at = known.unknowns.cell.kinematics.tip(zone[pose : pose + 1], known.theta)[0][0]
+    return f"{'xyz'[axis]}, near ({', '.join(f'{x:.0f}' for x in at)}) mm"
 
 
-def _sentence(known: Knowledge, pool: np.ndarray, n: int, zone: np.ndarray, v: Float[np.ndarray, " kept"]) -> str:
-    """One direction: who it is, whether the jig could show it, what it does in the zone, and what to add."""
-    tip = known.tip_rows(zone) @ v
+def _sentence(c: Coordinates, pool: np.ndarray, n: int, zone: np.ndarray, v: Float[np.ndarray, " k"]) -> str:
+    """One direction: its name, whether the jig could show it, what it does in the zone, and what to add."""
+    tip = c.tip_rows(zone) @ v
     best = float(((pool @ v) ** 2).max(initial=0.0))
     harm = float(np.sqrt((tip**2).sum(axis=1).mean()))
     fault = (
-        f"no {n} touches of this jig would show it better than what is known"
+        f"no {n} touches of this jig would show it better than the priors do"
         if n * best < 1
-        else "these touches show it less well than what is known"
+        else "these touches show it less well than the priors do"
     )
-    return f"{_names(known, v)}: {fault}; it leaves {harm:.2g} mm in the zone; {_cure(known, zone, tip, best, harm)}"
+    return f"{_names(c.names, v)}: {fault}; it leaves {harm:.2g} mm in the zone; {_cure(c, zone, tip, best, harm)}"
 
 
-def _names(known: Knowledge, v: Float[np.ndarray, " kept"]) -> str:
+def _names(names: tuple[str, ...], v: Float[np.ndarray, " k"]) -> str:
     share = v**2 / (v @ v)
     order = np.argsort(-share, kind="stable")
-    named = [known.names[i] for i in order if share[i] > SHARE]
+    named = [names[i] for i in order if share[i] > SHARE] or [names[order[0]]]
     return " with ".join(named[:4]) + (" and others" if len(named) > 4 else "")
 
 
-def _cure(known: Knowledge, zone: np.ndarray, tip: Float[np.ndarray, "poses 3"], best: float, harm: float) -> str:
+def _cure(c: Coordinates, zone: np.ndarray, tip: Float[np.ndarray, "poses 3"], best: float, harm: float) -> str:
     """The face that would show a direction best, or why none is worth it."""
-    sigma = known.cell.touch.sigma
+    sigma = c.prior.unknowns.cell.touch.sigma
     if harm < sigma / 2:
         return "less than a touch scatters, so it may stay"
     pose, axis = np.unravel_index(int(np.argmax(np.abs(tip))), tip.shape)
     if (tip[pose, axis] / sigma) ** 2 < BETTER * best:
         return "make more touches"
-    return f"add a face that looks along {_where(known, zone, int(pose), int(axis))}"
+    return f"add a face whose normal points along {_where(c.prior, zone, int(pose), int(axis))}"

@@ -11,7 +11,7 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.ik import reach
 from identify.model.jig import Face
-from identify.model.measurement import Rows
+from identify.model.measurement import Rows, touch_conditions
 from oed.candidates.edge_margins import EDGE, SHARE, Margins, margins, warnings
 from oed.candidates.feasibility import Feasibility, Infeasibility, unreached
 from oed.candidates.ik_branches import Branches, Poses
@@ -56,13 +56,12 @@ class Candidates:
         return tuple(self.faces[i].name for i in self.face)
 
     def rows(self, cell: Cell) -> Rows:
-        """The equations that these touches will give, with the scatter of touches and the faces' tolerances."""
+        """The equations that these touches will give."""
         wire, m = cell.wire, len(self)
-        tolerance = np.array([face.tolerance for face in self.faces])[self.face]
         offset = np.array([face.offset for face in self.faces])[self.face]
         return Rows(
-            self.q, self.normal, offset + wire.ball, np.full(m, wire.flat), np.hypot(cell.touch.sigma, tolerance),
-            tuple(str(i) for i in range(m)), np.arange(m),
+            self.q, self.normal, offset + wire.ball, np.full(m, wire.flat), np.full(m, cell.touch.sigma),
+            tuple(map(str, range(m))), np.arange(m), touch_conditions(self.q, self.approach), self.names(),
         )  # fmt: skip
 
 
@@ -75,22 +74,22 @@ def candidates(
     count: int = COUNT,
     *,
     theta: Float[np.ndarray, " parameters"] | None = None,
-    covariance: Float[np.ndarray, "parameters parameters"] | None = None,
+    root: Float[np.ndarray, "parameters directions"] | None = None,
     share: float = SHARE,
     margin: float = MARGIN,
     structured: float = STRUCTURED,
 ) -> Candidates:
     """Feasible touches of the jig, `count` of them where there are so many; raises InputError where there are none.
 
-    `theta` and `covariance` are what is known of the robot, its nominal parameters and priors if not given: they place
-    the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and torch [mm];
+    `theta` and root root', a covariance, are what is known of the robot, its nominal parameters and priors if not given:
+    they place the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and torch [mm];
     `structured` is the share that is asked for on corners and edges, the others are spread evenly.
     """
     _require(cell)
     theta = cell.theta if theta is None else theta
-    covariance = np.diag(cell.prior**2) if covariance is None else covariance
+    root = np.diag(cell.prior) if root is None else root
     size = int(np.clip(2 * count, *ROUND))
-    search = _Search(cell, theta, covariance, share, margin, structured, int(EXPLORED * size), rng)
+    search = _Search(cell, theta, root, share, margin, structured, int(EXPLORED * size), rng)
     found: list[Candidates] = []
     for _ in range(max(ROUNDS, 3 * count // size)):
         found.append(search.round(size))
@@ -127,7 +126,7 @@ class _Search:
         self,
         cell: Cell,
         theta: Float[np.ndarray, " parameters"],
-        covariance: Float[np.ndarray, "parameters parameters"],
+        root: Float[np.ndarray, "parameters directions"],
         share: float,
         margin: float,
         regular: float,
@@ -143,7 +142,7 @@ class _Search:
         self.branches = Branches(cell, theta, _poses(cell, around), rng)
         known = self.branches.known.within(cell.robot)
         face = around.face[self.branches.order][known.pose]
-        kept = margins(cell, covariance, theta, face, known.q, share)
+        kept = margins(cell, root, theta, face, known.q, share)
         self.inset = np.minimum(kept.inset / size, 0.5)
         self.feasibility = Feasibility(cell, theta, kept, margin)
         self.tally = np.zeros((len(self.faces), len(Infeasibility)), dtype=int)

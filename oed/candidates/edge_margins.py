@@ -26,7 +26,7 @@ class Margins:
 
 def margins(
     cell: Cell,
-    covariance: Float[np.ndarray, "parameters parameters"],
+    root: Float[np.ndarray, "parameters directions"],
     theta: Float[np.ndarray, " parameters"],
     face: Int[np.ndarray, " postures"],
     q: Float[np.ndarray, "postures joints"],
@@ -34,12 +34,11 @@ def margins(
 ) -> Margins:
     """Insets and overtravel from the deviation of the tip at postures that touch the faces.
 
-    The deviation is that of J_tip theta for parameters of the given covariance, SIGMAS of it; the inset is no more
-    than `share` of half the width of a face, and the search no longer than the cell allows.
+    The deviation is that of J_tip theta for parameters whose covariance is root root', SIGMAS of it; the inset is no
+    more than `share` of half the width of a face, and the search no longer than the cell allows.
     """
     faces = cell.the_jig.faces
     deviation = np.full((len(faces), 3), np.nan)
-    root = _root(covariance)
     _, J = cell.kinematics.tip_jacobian(q, theta)
     for i in np.unique(face):
         axes = np.stack([faces[i].u / faces[i].size[0], faces[i].v / faces[i].size[1], faces[i].normal])
@@ -50,12 +49,6 @@ def margins(
     inset = np.minimum(np.maximum(wanted[:, :2], EDGE), np.maximum(share * size / 2, EDGE))
     room = max(cell.touch.travel - cell.touch.approach, 0.0)
     return Margins(deviation, inset, np.minimum(np.maximum(wanted[:, 2], EDGE), room))
-
-
-def _root(covariance: Float[np.ndarray, "parameters parameters"]) -> Float[np.ndarray, "parameters parameters"]:
-    """A with A A' = covariance, which may be singular."""
-    value, vector = np.linalg.eigh(covariance)
-    return vector * np.sqrt(np.maximum(value, 0.0))
 
 
 def warnings(cell: Cell, found: Margins, touched: Bool[np.ndarray, " faces"]) -> tuple[str, ...]:

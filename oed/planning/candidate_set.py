@@ -1,5 +1,6 @@
 """What a plan is chosen from: all touches that can be made, what each would tell, and the zone where it counts."""
 
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,15 +11,9 @@ from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
-from identify.uncertainty.knowledge import (
-    Knowledge,
-    built_knowledge,
-    knowledge_after,
-    nominal_knowledge,
-    tip_errors,
-    touch_sigma,
-)
-from identify.uncertainty.promise import Promise, promise
+from identify.uncertainty.coordinates import Coordinates, of_all_unknowns, of_identifiable
+from identify.uncertainty.information import Information, posterior, prior_information
+from identify.uncertainty.promise import Promise, TipErrors, promise
 from oed.candidates.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.candidates.edge_margins import SIGMAS
 from oed.candidates.feasibility import Feasibility
@@ -27,50 +22,64 @@ from probe.motion.edges import Edges
 from probe.motion.roadmap import Roadmap, lifts
 from probe.motion.tour import Order
 
+MISSES = 24  # robots drawn, of which each misses other touches
+
 
 @dataclass(frozen=True, eq=False)
-class Offer:
-    """Touches on offer, and what is known before them."""
+class CandidateSet:
+    """Touches that can be made, and what is known before them."""
 
-    known: Knowledge  # by which touches are chosen
-    found: Candidates
-    drawing: Knowledge | None = field(default=None, kw_only=True)  # by which indices are told; None: the same
-    told: Knowledge | None = field(default=None, kw_only=True)  # by which is told what they will bring; None: the same
+    prior: Information
+    candidates: Candidates
     lifting: bool = field(default=True, kw_only=True)  # whether the robot may pass other postures between touches
 
-    @cached_property
-    def sigma(self) -> Float[np.ndarray, " touches"]:
-        """Standard deviation of every touch [mm]."""
-        return touch_sigma(self.known.cell, self.found.names())
+    @property
+    def cell(self) -> Cell:
+        """The cell to be touched."""
+        return self.prior.unknowns.cell
 
-    @cached_property
-    def rows(self) -> Float[np.ndarray, "touches kept"]:
-        """What every touch tells, whitened."""
-        return self.rows_at(self.known.typical)
-
-    def rows_at(self, theta: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, "touches kept"]:
-        """What every touch would tell of a robot with other parameters."""
-        return self.known.rows(self.found.q, self.found.normal, self.sigma, theta, self.found.approach)
+    @property
+    def theta(self) -> Float[np.ndarray, " parameters"]:
+        """The robot for which the touches are made [mm, rad]."""
+        return self.prior.theta
 
     @cached_property
     def zone(self) -> Float[np.ndarray, "poses joints"]:
         """Poses of the weld zone [rad] or [mm]."""
-        return zone_poses(self.known.cell, self.known.theta)
+        return zone_poses(self.cell, self.theta)
 
     @cached_property
-    def tip(self) -> Float[np.ndarray, "poses 3 kept"]:
-        """How the tip moves there with the whitened parameters [mm]."""
-        return self.known.tip_rows(self.zone)
+    def rows(self) -> Float[np.ndarray, "touches unknowns"]:
+        """Whitened rows of all candidates, by all unknowns."""
+        return self._rows(self.candidates)
+
+    @cached_property
+    def tip(self) -> Float[np.ndarray, "poses 3 unknowns"]:
+        """Rows of the tip at the poses of the zone [mm], by all unknowns."""
+        return self.prior.unknowns.tip_rows(self.zone, self.theta)
+
+    @cached_property
+    def all_unknowns(self) -> Coordinates:
+        """The coordinates of criteria for the weld zone."""
+        return of_all_unknowns(self.prior, self.rows)
+
+    @cached_property
+    def identifiable(self) -> Coordinates:
+        """The coordinates of criteria that compare with the literature."""
+        return of_identifiable(self.prior)
+
+    def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches unknowns"]:
+        return self.prior.unknowns.rows(touches.rows(self.cell), self.theta)
 
     @cached_property
     def feasibility(self) -> Feasibility:
         """Who says whether a touch can be made."""
-        return Feasibility(self.known.cell, self.known.theta, self.found.margins)
+        return Feasibility(self.cell, self.theta, self.candidates.margins)
 
     @cached_property
     def edges(self) -> Edges:
         """Which ways between postures are clear, by as much as the tip may be off."""
-        return Edges(self.feasibility.clearance, keep=SIGMAS * float(np.nanmax(self.found.margins.deviation)))
+        return Edges(self.feasibility.clearance, keep=SIGMAS * float(np.nanmax(self.candidates.margins.deviation)))
 
     def visit(
         self,
@@ -113,33 +122,53 @@ class Offer:
     @cached_property
     def _home(self) -> Float[np.ndarray, "homes joints"]:
         """All joints at zero, as far as the limits let them, if nothing is in the way there."""
-        robot = self.known.cell.robot
+        robot = self.cell.robot
         home = np.clip(np.zeros((1, len(robot.joints))), robot.lower, robot.upper)
         return home[self.feasibility.clearance.hits(home) == CLEAR]
 
-    def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
-        """The tip error to expect in the zone after some touches, each made so many `times`."""
-        told, names = self.told or self.known, touches.names()
-        rows = told.rows(touches.q, touches.normal, touch_sigma(told.cell, names), approach=touches.approach)
-        return promise(tip_errors(self._told_tip, told.error(rows, names, times)))
+    def promise(
+        self, touches: Candidates, times: float = 1.0, tip: Float[np.ndarray, "points 3 unknowns"] | None = None
+    ) -> Promise:
+        """The error to expect in the zone, or where `tip` says, after touches that are each made so many `times`.
 
-    def off(self, touches: Candidates) -> Float[np.ndarray, " touches"]:
+        Touches that a robot misses tell nothing: the promise is that over robots drawn from what is known.
+        """
+        tip, rows = self.tip if tip is None else tip, np.sqrt(times) * self._rows(touches)
+        robots = Counter(map(tuple, self._lands(touches).tolist()))
+        return promise(
+            *(
+                TipErrors(self.prior.updated(rows[np.array(hit)]).root(tip), weight=float(count))
+                for hit, count in robots.items()
+            )
+        )
+
+    def _lands(self, touches: Candidates) -> Bool[np.ndarray, "robots touches"]:
+        """Which touches meet their faces, by robots drawn from what is known.
+
+        A robot that is off moves the whole search by as much: it slides off the face, begins behind it, or ends before.
+        """
+        x = self.prior.draws(MISSES, np.random.default_rng(0))
+        off = np.einsum("tik,rk->rti", self.prior.unknowns.tip_rows(touches.q, self.theta), x, optimize=True)
+        place = np.empty((*off.shape[:2], 2))
+        for i in np.unique(touches.face):
+            here = touches.face == i
+            place[:, here] = touches.faces[i].fractions(touches.point[here] + off[:, here])
+        height, touch = (off * touches.normal).sum(axis=2), self.cell.touch
+        meets = (height > -touch.approach) & (height < touch.travel - touch.approach)
+        return np.asarray(meets & ((place > 0) & (place < 1)).all(axis=2))
+
+    def deviations(self, touches: Candidates) -> Float[np.ndarray, " touches"]:
         """How far each contact may be from where the touches before it predict it [mm, 1 sigma]."""
-        told = self.told or self.known
-        sigma = touch_sigma(told.cell, touches.names())
-        C, out = np.linalg.inv(told.precision), np.empty(len(touches))
-        for i, f in enumerate(told.rows(touches.q, touches.normal, sigma)):
+        B = self.prior.root(self._rows(touches))
+        C, out = np.eye(B.shape[1]), np.empty(len(touches))
+        for i, f in enumerate(B):
             x = C @ f
             out[i] = np.sqrt(f @ x + 1)
             C = C - np.outer(x, x) / (1 + f @ x)
-        return out * sigma
-
-    @cached_property
-    def _told_tip(self) -> Float[np.ndarray, "poses 3 kept"]:
-        return self.tip if self.told is None else self.told.tip_rows(self.zone)
+        return out * self.cell.touch.sigma
 
 
-def offer(
+def candidate_set(
     cell: Cell,
     rng: np.random.Generator,
     *,
@@ -147,21 +176,22 @@ def offer(
     count: int = COUNT,
     structured: bool = True,
     lifting: bool = True,
-    built: bool = False,
-) -> Offer:
-    """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly.
-
-    With `built`, touches are chosen for a robot as it may be built, and not for the drawing.
-    """
+) -> CandidateSet:
+    """Find what touches can be made, by what is known of the robot; `structured` ones, or only those spread evenly."""
     if after is not None:
         cell = _placed(cell, after)
-    known = nominal_knowledge(cell) if after is None else knowledge_after(cell, after)
+    return around(prior_information(cell) if after is None else posterior(after, cell), rng, count, structured, lifting)
+
+
+def around(
+    prior: Information, rng: np.random.Generator, count: int = COUNT, structured: bool = True, lifting: bool = True
+) -> CandidateSet:
+    """Find what touches can be made by a robot of which so much is known."""
     share = STRUCTURED if structured else 0.0
-    found = candidates(cell, rng, count, theta=known.theta, covariance=known.deviation, structured=share)
-    if after is not None:
-        return Offer(known, found, lifting=lifting)
-    told = built_knowledge(cell)
-    return Offer(told if built else known, found, drawing=known, told=told, lifting=lifting)
+    touches = candidates(
+        prior.unknowns.cell, rng, count, theta=prior.theta, root=prior.parameter_root(), structured=share
+    )
+    return CandidateSet(prior, touches, lifting=lifting)
 
 
 def _placed(cell: Cell, after: Calibration) -> Cell:

@@ -2,31 +2,31 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from identify.model.files import InputError
 from oed.candidates.candidates import Candidates
-from oed.planning.candidate_set import Offer
+from oed.planning.candidate_set import CandidateSet
 
 MOST = 1000  # touches that a target may ask for: three hours
+USUAL = 50  # touches from which others are extrapolated
+ENDLESS = 1e6  # times that touches are made to see what they leave at last
 STEPS = (0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0)  # of the curve, times the number planned
 
 
-def curve(offered: Offer, touches: Candidates, least: int) -> tuple[tuple[int, float], ...]:
-    """Numbers of touches like these, and the 95 % tip error [mm] to expect of each in the zone."""
+def curve(offered: CandidateSet, touches: Candidates) -> tuple[tuple[int, float], ...]:
+    """Numbers of touches like these, and the promised tip error [mm] after each."""
     n = len(touches)
-    counts = sorted({round(step * n) for step in STEPS if round(step * n) >= least} | {n})
+    counts = sorted({max(1, round(step * n)) for step in STEPS})
     return tuple((m, offered.promise(touches, m / n).p95_mm) for m in counts)
 
 
-def smallest(offered: Offer, target: float, least: int, choose: Callable[[int], Candidates]) -> int:
-    """The smallest number of touches whose expected 95 % tip error in the zone is below `target` [mm].
+def smallest(offered: CandidateSet, target: float, choose: Callable[[int], Candidates]) -> int:
+    """The smallest number of touches whose promised tip error in the zone is below `target` [mm].
 
     `choose` makes a set of so many touches. Raises InputError where no number does it, with the floor.
     """
-    first = choose(min(2 * least, len(offered.found)))
+    first = choose(min(USUAL, len(offered.candidates)))
     _possible(offered, target, first)
-    high, low = _guess(offered, first, target, least), least - 1
+    high, low = _guess(offered, first, target), 0
     while not _meets(offered, choose(high), target):
         low = high
         if low >= MOST:
@@ -36,7 +36,7 @@ def smallest(offered: Offer, target: float, least: int, choose: Callable[[int], 
             )
         high = min(max(high + 1, round(1.1 * high)), MOST)
     while high - low > 1:
-        middle = max(low + 1, min(high - 1, round(0.9 * high) if low < least else (low + high) // 2))
+        middle = max(low + 1, min(high - 1, round(0.9 * high) if low == 0 else (low + high) // 2))
         if _meets(offered, choose(middle), target):
             high = middle
         else:
@@ -44,13 +44,13 @@ def smallest(offered: Offer, target: float, least: int, choose: Callable[[int], 
     return high
 
 
-def _meets(offered: Offer, touches: Candidates, target: float) -> bool:
+def _meets(offered: CandidateSet, touches: Candidates, target: float) -> bool:
     return offered.promise(touches).p95_mm <= target
 
 
-def _possible(offered: Offer, target: float, touches: Candidates) -> None:
+def _possible(offered: CandidateSet, target: float, touches: Candidates) -> None:
     """Raise InputError where even infinitely many touches would leave more than the target."""
-    floor = offered.promise(touches, np.inf).p95_mm
+    floor = offered.promise(touches, ENDLESS).p95_mm
     if target <= floor:
         tolerance = max(face.tolerance for face in touches.faces)
         raise InputError(
@@ -60,10 +60,11 @@ def _possible(offered: Offer, target: float, touches: Candidates) -> None:
         )
 
 
-def _guess(offered: Offer, touches: Candidates, target: float, least: int) -> int:
+def _guess(offered: CandidateSet, touches: Candidates, target: float) -> int:
     """The number at which touches like these would meet the target."""
-    n, low, high = len(touches), least, MOST
+    low, high = 1, MOST
     while low < high:
         middle = (low + high) // 2
-        low, high = (low, middle) if offered.promise(touches, middle / n).p95_mm <= target else (middle + 1, high)
+        meets = offered.promise(touches, middle / len(touches)).p95_mm <= target
+        low, high = (low, middle) if meets else (middle + 1, high)
     return low
