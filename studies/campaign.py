@@ -38,7 +38,7 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import Chart, axis, colour, picture
-from identify.uncertainty.assurance import assurance
+from identify.uncertainty.calibrated import zone_promise
 from oed.campaigns.campaign import LONGEST, Campaign, Job, campaign
 from oed.planning.plan import COUNT, plan
 from oed.planning.uncertain import plan_under_uncertainty
@@ -138,7 +138,7 @@ def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng:
         found = calibrate(cell, good, start=belief.theta, folds=0)
     except (InputError, CalibrationFailed):
         return Outcome(n, len(met))
-    return Outcome(n, len(met), assurance(cell, found, good).promised(), found)
+    return Outcome(n, len(met), zone_promise(found).p95_mm, found)
 
 
 @lru_cache(maxsize=16)

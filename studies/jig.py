@@ -31,7 +31,7 @@ from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from oed.design.exact import exact_design
 from oed.design.relaxation import approximate_design
-from oed.planning.candidate_set import Offer, offer, plan_of
+from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
 from studies.common import arc_welder, zone
 from studies.jig_shown import ROBOTS, TOUCHES, answer, pictures
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
@@ -72,8 +72,8 @@ _EMPTY: dict[str, Any] = {
 
 def _faces(rng: np.random.Generator, name: str, count: int, robots: int, steps: int) -> list[dict[str, Any]]:
     cell = arc_welder()
-    made = offer(cell, rng, count=count)
-    names, of = list(cell.the_jig.by_name), np.array(made.found.names())
+    made = candidate_set(cell, rng, count=count)
+    names, of = list(cell.the_jig.by_name), np.array(made.candidates.names())
     sets = {"all faces": names} | {f"without {face}": [n for n in names if n != face] for face in names}
     sets |= {"three faces": list(THREE)}
     sets |= {f"three and {face}": [*THREE, face] for face in names if face not in THREE}
@@ -81,13 +81,14 @@ def _faces(rng: np.random.Generator, name: str, count: int, robots: int, steps: 
 
 
 def _judged(
-    made: Offer, some: np.ndarray, name: str, robots: int, rng: np.random.Generator, at: np.ndarray | None = None
+    made: CandidateSet, some: np.ndarray, name: str, robots: int, rng: np.random.Generator, at: np.ndarray | None = None
 ) -> dict[str, Any]:
     """What some of the touches on offer promise, and what they deliver."""
-    tip, prior = made.known.tip_rows(zone(POSES)), made.known.precision
-    found = approximate_design(made.rows[some], "V", 1e-3, touches=TOUCHES, prior=prior, zone=tip)
+    coordinates, rows = made.all_unknowns, made.rows[some] @ made.all_unknowns.basis
+    tip, prior = coordinates.tip_rows(zone(POSES)), coordinates.precision
+    found = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=prior, zone=tip)
     chosen = exact_design(
-        made.rows[some],
+        rows,
         TOUCHES,
         "V",
         prior=prior,
@@ -96,7 +97,7 @@ def _judged(
         iterations=SEARCHES if robots == ROBOTS else 6,
         rng=rng,
     ).indices
-    cell, planned = made.known.cell, plan_of(made.found.take(some[chosen]))
+    cell, planned = made.cell, plan_of(made.candidates.take(some[chosen]))
     theta = draw_many(cell, robots, rng)
     touched = touch_every(cell, theta, planned, rng, proud=draw_faces(cell, planned, robots, rng))
     error = errors_in_zone(cell, theta, calibrate_many(cell, touched, eliminate=False).theta, zone(POSES))
@@ -137,8 +138,8 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
     minimize(error, best, method="Nelder-Mead", options={"maxfev": steps, "initial_simplex": corners})
     rows = [{"name": name, **_said(at), "promised_mm": value} for value, at in seen]
     at = min((pair for pair in seen if np.isfinite(pair[0])), key=lambda pair: pair[0])[1]
-    final = offer(moved(arc_welder(), at), np.random.default_rng(1), count=2 * count)
-    confirmed = _judged(final, np.arange(len(final.found)), "best", robots, rng, at)
+    final = candidate_set(moved(arc_welder(), at), np.random.default_rng(1), count=2 * count)
+    confirmed = _judged(final, np.arange(len(final.candidates)), "best", robots, rng, at)
     assert np.isfinite(present)
     return [*rows, confirmed]
 
@@ -146,9 +147,10 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
 def _promise(at: np.ndarray, count: int) -> float:
     """The RMS tip error that the jig promises from a place; NaN where the robot cannot touch it, or cannot learn."""
     try:
-        made = offer(moved(arc_welder(), at), np.random.default_rng(0), count=count)
-        tip = made.known.tip_rows(zone(POSES))
-        found = approximate_design(made.rows, "V", 1e-3, touches=TOUCHES, prior=made.known.precision, zone=tip)
+        made = candidate_set(moved(arc_welder(), at), np.random.default_rng(0), count=count)
+        coordinates = made.all_unknowns
+        tip, rows = coordinates.tip_rows(zone(POSES)), made.rows @ coordinates.basis
+        found = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=coordinates.precision, zone=tip)
     except (InputError, ValueError, np.linalg.LinAlgError):
         return float("nan")
     return float(np.sqrt(found.value))

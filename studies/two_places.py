@@ -15,7 +15,7 @@ from identify.model.frames import inverse, pose, rotation, transform
 from identify.model.jig import Box, Face, Jig
 from oed.design.exact import exact_design
 from oed.design.relaxation import approximate_design
-from oed.planning.candidate_set import Offer, offer, plan_of
+from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
 from studies.common import arc_welder
 from studies.jig_shown import TOUCHES
 from studies.many import ManyTouches, Problem, draw_faces, draw_many, errors_in_zone, touch_every
@@ -48,8 +48,8 @@ def second_places(
 ) -> Iterator[Case]:
     """The first place alone, and with the second called `name`, known exactly or not."""
     cell, at = arc_welder(), _place(name)
-    here, there = (offer(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.the_jig, at))))
-    tip, prior, pose_rows = here.known.tip_rows(zone), here.known.precision, _pose_rows(there, at)
+    here, there = (candidate_set(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.the_jig, at))))
+    tip, prior, pose_rows = here.prior.unknowns.tip_rows(zone), here.prior.R.T @ here.prior.R, _pose_rows(there, at)
     unknown = _joined(prior, np.eye(6))
     nothing, wider = np.zeros((len(here.rows), 6)), np.pad(tip, ((0, 0), (0, 0), (0, 6)))
     both = np.vstack([here.rows, there.rows])
@@ -73,10 +73,11 @@ def _place(name: str) -> Float[np.ndarray, " 6"]:
     return np.array([x, y, z, np.radians(turn), 0.0, 0.0])
 
 
-def _pose_rows(there: Offer, at: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "touches 6"]:
+def _pose_rows(there: CandidateSet, at: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "touches 6"]:
     """What touches tell of where the second place is, in units of LOOSE."""
-    lever = np.cross(there.found.point - (at[:3] + HIGH), there.found.normal)
-    return np.hstack([there.found.normal, lever]) * LOOSE / there.sigma[:, None]
+    touches = there.candidates
+    lever = np.cross(touches.point - (at[:3] + HIGH), touches.normal)
+    return np.hstack([touches.normal, lever]) * LOOSE / there.cell.touch.sigma
 
 
 def _joined(A: np.ndarray, B: np.ndarray) -> np.ndarray:
@@ -85,11 +86,11 @@ def _joined(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def _delivered(
-    offers: tuple[Offer, Offer], chosen: np.ndarray, at: np.ndarray, loose: np.ndarray, robots: int,
+    offers: tuple[CandidateSet, CandidateSet], chosen: np.ndarray, at: np.ndarray, loose: np.ndarray, robots: int,
     zone: np.ndarray, rng: np.random.Generator,
 ) -> Float[np.ndarray, "robots poses"]:  # fmt: skip
     """Errors in the zone of robots drawn from the priors that made the chosen touches at both places."""
-    first = offers[0].known.cell
+    first = offers[0].cell
     theta, off = draw_many(first, robots, rng), loose * rng.standard_normal((robots, 6))
     faces = int(rng.integers(2**32))  # the jig is the same at both places
     parts = []
@@ -97,7 +98,7 @@ def _delivered(
         if not len(mine):
             continue
         made = theta if k == 0 else with_second_base(theta, off, at)
-        plan, cell = plan_of(one.found.take(mine)), one.known.cell
+        plan, cell = plan_of(one.candidates.take(mine)), one.cell
         proud = draw_faces(cell, plan, robots, np.random.default_rng(faces))
         touched = touch_every(cell, made, plan, rng, proud=proud)
         parts.append((k == 1, Problem(cell, touched, True, False), touched))

@@ -10,7 +10,6 @@ from scipy.linalg import solve_triangular
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.io.calibration_file import Calibration
 from identify.uncertainty.unknowns import Unknowns
 
 UNDETERMINED = 1e-12  # of the largest singular value of R: below it a direction is not determined
@@ -148,19 +147,3 @@ def prior_information(cell: Cell) -> Information:
                 "that may be anywhere; write its nominal pose in cell.yaml, or give an earlier calibration with --after"
             )
     return Information.prior(Unknowns.of(cell))
-
-
-def posterior(calibration: Calibration, cell: Cell | None = None) -> Information:
-    """What a calibration says, of its own cell or of another one with the same robot.
-
-    The priors hold for faces that it does not know. Parameters that it left at their drawing stay there.
-    """
-    cell = calibration.cell if cell is None else cell
-    if calibration.cell.robot.parameters != cell.robot.parameters:
-        raise InputError(
-            f"the calibration is of robot '{calibration.cell.robot.name}' with other parameters than "
-            f"'{cell.robot.name}'; plan with the cell it was made for"
-        )
-    everything = Unknowns.of(cell)
-    unknowns = replace(everything, parameters=np.array(calibration.index))
-    return Information.of_covariance(unknowns, calibration.theta, calibration.estimated, calibration.covariance)

@@ -70,6 +70,11 @@ def _normal(directions: int) -> Float[np.ndarray, "directions robots"]:
     return np.random.default_rng(SEED).permuted(np.tile(quantiles, (directions, 1)), axis=1)
 
 
+def worst_deviation(errors: TipErrors) -> float:
+    """Standard deviation of the tip in its worst direction [mm], at all but a tenth of the poses."""
+    return float(np.percentile(np.linalg.svd(errors.root, compute_uv=False)[:, 0], 90))
+
+
 def deviations(errors: Sequence[TipErrors]) -> Float[np.ndarray, " poses"]:
     """Root mean square tip error at each pose [mm], over models by their weights."""
     weight = np.array([model.weight for model in errors])

@@ -8,13 +8,18 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimation.calibrate import calibrate
-from identify.estimation.face_association import Belief, believe, believed, free, provisional
+from identify.estimation.face_association import Belief, believe, believed, provisional
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import structure
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import HIT, Plan, Touches, joined
-from identify.uncertainty.assurance import assurance, tip_deviation
+from identify.model.zone import zone_poses
+from identify.uncertainty.calibrated import tip_errors
+from identify.uncertainty.information import Information
+from identify.uncertainty.promise import TipErrors, worst_deviation
+from identify.uncertainty.unknowns import Unknowns
+from oed.campaigns.more_touches import MoreTouches
 from oed.planning.plan import plan as make_plan
 from oed.planning.uncertain import UncertainEdges, begun, plan_under_uncertainty
 from probe.line.controller import TouchError
@@ -260,20 +265,20 @@ class _Loop:
         if len(good) >= self.enough:
             try:
                 found = calibrate(self.cell, good, start=self.belief.theta)
-                self._assured = assurance(self.cell, found, good)
-                return found, self._assured.promised()
+                self.more = MoreTouches(found, good)
+                return found, self.more.now
             except InputError:  # so many, and still not of full rank
                 pass
         return provisional(self.cell, self.belief), None
 
     def _deviation(self) -> float:
         """How far the tip may be off [mm], 1 sigma."""
-        if self.after is None:
-            known = free(self.cell)
-            return tip_deviation(self.cell, self.cell.theta, np.diag(np.where(known, self.cell.prior, 0.0) ** 2))
-        covariance = np.zeros((len(self.after.theta), len(self.after.theta)))
-        covariance[np.ix_(self.after.index, self.after.index)] = self.after.covariance
-        return tip_deviation(self.cell, self.after.theta, covariance)
+        theta = self.cell.theta if self.after is None else self.after.theta
+        poses = zone_poses(self.cell, theta, 100)
+        if self.after is not None:
+            return worst_deviation(tip_errors(self.after, poses))
+        unknowns = Unknowns.of(replace(self.cell, base=theta[:6], tool=theta[-6:]))  # what is to be fitted is nominal
+        return worst_deviation(TipErrors(Information.prior(unknowns).root(unknowns.tip_rows(poses))))
 
     def _decide(self, stage: Stage) -> None:
         """Whether and why to end, or how many touches to plan next."""
@@ -284,7 +289,7 @@ class _Loop:
             if left < 1:
                 self.why = f"{self.tried} touches are used up before the robot could be identified"
             return
-        floor = self._assured.floor
+        floor = self.more.floor
         if self.promised <= self.target:
             self.reached, self.why = True, f"the target of {self.target:g} mm is reached"
             return
@@ -294,8 +299,8 @@ class _Loop:
         elif left < 1:
             self.why = f"all {self.most} touches are used up: {self._reason(floor)}"
         else:
-            more = (self._assured.missing(goal) - 1) * len(self.met)
-            gain = 1 - self._assured.promised(1 + 10 / len(self.met)) / self.promised
+            more = (self.more.times(goal) - 1) * len(self.met)
+            gain = 1 - self.more.promised(1 + 10 / len(self.met)) / self.promised
             if gain < WORTH and more > left:
                 self.why = f"more touches hardly help: {self._reason(floor)}"
             self.wanted = int(np.clip(np.ceil(more if more < BATCH / 2 else 0.7 * more), LEAST, self.batch))

@@ -25,7 +25,7 @@ from identify.model.io.tables import positions_text, read_positions, read_touche
 from identify.model.touch import Plan, Positions, Touches, joined
 from identify.model.zone import zone_poses
 from identify.report.report import report
-from identify.uncertainty.assurance import assurance
+from identify.uncertainty.calibrated import zone_promise
 from oed.campaigns.campaign import SPARE, Campaign, Job, campaign
 from oed.campaigns.connection import SIM, Connection
 from oed.campaigns.folder import Folder, only_one, over_port
@@ -197,5 +197,5 @@ def _compared(folder: Path, truth: Truth, found: Calibration) -> dict[str, Any]:
     residuals = np.array([r.before_mm for r in found.residuals.values()])
     return {
         "initial_rms_mm": summarize(residuals).rms_mm, "zone_rms_mm": after.rms_mm, "before": before, "after": after,
-        "promise": {"p95_mm": assurance(cell, found, made.take(used)).promised()},
+        "promise": {"p95_mm": zone_promise(found).p95_mm},
     }  # fmt: skip

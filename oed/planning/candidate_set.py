@@ -12,17 +12,21 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
 from identify.uncertainty.coordinates import Coordinates, of_all_unknowns, of_identifiable
-from identify.uncertainty.information import Information, posterior, prior_information
+from identify.uncertainty.calibrated import posterior
+from identify.uncertainty.information import Information, prior_information
 from identify.uncertainty.promise import Promise, TipErrors, promise
 from oed.candidates.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.candidates.edge_margins import SIGMAS
 from oed.candidates.feasibility import Feasibility
+from oed.criteria.criteria import criterion_named
+from oed.criteria.criterion import Criterion
 from probe.motion.clearance import CLEAR
 from probe.motion.edges import Edges
 from probe.motion.roadmap import Roadmap, lifts
 from probe.motion.tour import Order
 
-MISSES = 24  # robots drawn, of which each misses other touches
+ROBOTS = 40  # drawn, of which each misses other touches
+FEWEST = 4  # of them that a promise rests on
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +71,10 @@ class CandidateSet:
     def identifiable(self) -> Coordinates:
         """The coordinates of criteria that compare with the literature."""
         return of_identifiable(self.prior)
+
+    def coordinates(self, criterion: str | Criterion) -> Coordinates:
+        """The coordinates of a criterion."""
+        return self.all_unknowns if criterion_named(criterion).needs_zone else self.identifiable
 
     def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches unknowns"]:
         return self.prior.unknowns.rows(touches.rows(self.cell), self.theta)
@@ -131,10 +139,13 @@ class CandidateSet:
     ) -> Promise:
         """The error to expect in the zone, or where `tip` says, after touches that are each made so many `times`.
 
-        Touches that a robot misses tell nothing: the promise is that over robots drawn from what is known.
+        Touches that miss tell nothing. The promise is that over robots drawn from what is known that meet at least half
+        of the touches: the run of others stops.
         """
         tip, rows = self.tip if tip is None else tip, np.sqrt(times) * self._rows(touches)
-        robots = Counter(map(tuple, self._lands(touches).tolist()))
+        lands = self._lands(touches)
+        order = np.argsort(-lands.sum(axis=1), kind="stable")
+        robots = Counter(map(tuple, lands[order[: max(FEWEST, int(self._finish(lands).sum()))]].tolist()))
         return promise(
             *(
                 TipErrors(self.prior.updated(rows[np.array(hit)]).root(tip), weight=float(count))
@@ -142,12 +153,25 @@ class CandidateSet:
             )
         )
 
+    def warnings(self, touches: Candidates) -> tuple[str, ...]:
+        """A sentence if more than 5 of 100 robots drawn from what is known miss most of the touches."""
+        stopped = 100 * (1 - self._finish(self._lands(touches)).mean())
+        if stopped <= 5:
+            return ()
+        return (
+            f"about {stopped:.0f} of 100 robots with these tolerances miss more than half of the touches, and their run "
+            "stops: the promise is that of the others; measure base and tool better, or use touchcal campaign.",
+        )
+
+    def _finish(self, lands: Bool[np.ndarray, "robots touches"]) -> Bool[np.ndarray, " robots"]:
+        return lands.mean(axis=1) >= 0.5
+
     def _lands(self, touches: Candidates) -> Bool[np.ndarray, "robots touches"]:
         """Which touches meet their faces, by robots drawn from what is known.
 
         A robot that is off moves the whole search by as much: it slides off the face, begins behind it, or ends before.
         """
-        x = self.prior.draws(MISSES, np.random.default_rng(0))
+        x = self.prior.draws(ROBOTS, np.random.default_rng(0))
         off = np.einsum("tik,rk->rti", self.prior.unknowns.tip_rows(touches.q, self.theta), x, optimize=True)
         place = np.empty((*off.shape[:2], 2))
         for i in np.unique(touches.face):

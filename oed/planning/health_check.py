@@ -11,10 +11,11 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
-from identify.uncertainty.information import Knowledge, knowledge_after, touch_sigma
-from oed.design.matrix import sensitivities
-from oed.planning.candidate_set import Offer, offer, plan_of
-from oed.planning.workpiece import chosen
+from identify.uncertainty.calibrated import posterior
+from identify.uncertainty.coordinates import Coordinates
+from identify.uncertainty.information import Information
+from oed.planning.candidate_set import CandidateSet, around, plan_of
+from oed.planning.workpiece import best_in_order
 from probe.motion.roadmap import with_via
 from probe.motion.tour import Order
 
@@ -38,41 +39,43 @@ def plan_check(
     touches are not to be had.
     """
     rng = np.random.default_rng(0) if rng is None else rng
-    offered = offer(cell, rng, after=_loosened(calibration, sizes), count=count)
-    if not 1 <= n <= len(offered.found):
-        raise InputError(f"{n} touches are asked for, and {len(offered.found)} were found that can be made")
-    before = knowledge_after(offered.known.cell, calibration)
-    telling = _Telling(_changes(before, sizes), offered.found, before, lifting=offered.lifting)
-    touches, order = chosen(telling, n, "D", rng)
+    before = posterior(calibration, cell)
+    offered = around(_changed(before, sizes), rng, count)
+    if not 1 <= n <= len(offered.candidates):
+        raise InputError(f"{n} touches are asked for, and {len(offered.candidates)} were found that can be made")
+    touches, order = best_in_order(_Changes(offered.prior, offered.candidates, before, sizes), n, "D", rng)
     return with_via(plan_of(touches), order.via), order
 
 
-def _loosened(calibration: Calibration, sizes: Mapping[str, float]) -> Calibration:
+def _changed(before: Information, sizes: Mapping[str, float]) -> Information:
     """What is known of a robot that may have changed since it was identified."""
-    names = [name for name in calibration.cell.robot.parameters if name in sizes or name in calibration.estimated]
-    covariance = np.diag([sizes.get(name, 0.0) ** 2 for name in names])
-    known = [names.index(name) for name in calibration.estimated]
-    covariance[np.ix_(known, known)] += calibration.covariance
-    return replace(calibration, estimated=tuple(names), covariance=covariance)
+    names = before.unknowns.cell.robot.parameters
+    some = [i for i, name in enumerate(names) if name in sizes or i in before.unknowns.parameters]
+    C = np.diag([sizes.get(names[i], 0.0) ** 2 for i in some])
+    known = [some.index(i) for i in before.unknowns.parameters]
+    C[np.ix_(known, known)] += before.covariance()[: len(known), : len(known)]
+    unknowns = replace(before.unknowns, parameters=np.array(some))
+    return Information.of_covariance(unknowns, before.theta, [names[i] for i in some], C)
 
 
 @dataclass(frozen=True, eq=False)
-class _Telling(Offer):
-    """Touches on offer, which a calibration foretells only as well as it knows the robot."""
+class _Changes(CandidateSet):
+    """Candidates as they show changes of usual `sizes`, which a calibration foretells as well as it knows the robot."""
 
-    before: Knowledge
+    before: Information
+    sizes: Mapping[str, float]
 
     @cached_property
-    def sigma(self) -> Float[np.ndarray, " touches"]:
-        """Standard deviation [mm] of every touch from where the calibration foretells it, if nothing has changed."""
-        own = touch_sigma(self.before.cell, self.found.names())
-        rows = self.before.rows(self.found.q, self.found.normal, own)
-        return own * np.sqrt(1 + sensitivities(rows, self.before.spread))
+    def rows(self) -> Float[np.ndarray, "touches unknowns"]:
+        """Rows in units of how exactly the calibration foretells each touch, if nothing has changed."""
+        known = self.before.unknowns.rows(self.candidates.rows(self.cell), self.theta)
+        return super().rows / np.sqrt(1 + self.before.variance(known))[:, None]
 
-
-def _changes(known: Knowledge, sizes: Mapping[str, float]) -> Knowledge:
-    """Changes as what is not known, each as large as is usual."""
-    names = tuple(name for name in known.cell.robot.parameters if name in sizes)
-    scale = known.cell.scale[[known.cell.robot.parameters.index(name) for name in names]]
-    spread = np.diag((np.array([sizes[name] for name in names]) / scale) ** 2)
-    return replace(known, names=names, precision=np.linalg.inv(spread), spread=spread)
+    @cached_property
+    def identifiable(self) -> Coordinates:
+        """The changes, each in units of its size."""
+        unknowns, names = self.prior.unknowns, tuple(self.sizes)
+        index = unknowns.index(names)
+        basis = np.zeros((len(unknowns), len(names)))
+        basis[index, range(len(names))] = np.array([self.sizes[name] for name in names]) / unknowns.scale[index]
+        return Coordinates(self.prior, basis, np.eye(len(names)), names)

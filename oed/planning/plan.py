@@ -5,17 +5,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.files import InputError, nearest
-from identify.model.identifiability import structure
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
-from identify.uncertainty.information import touch_sigma
 from identify.uncertainty.promise import Promise
 from identify.uncertainty.weak_directions import limiting, unseen
 from oed.criteria.criteria import CRITERIA, score
-from oed.planning.candidate_set import offer, plan_of
+from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
 from oed.planning.curve import curve, smallest
 from oed.planning.strategies import STRATEGIES, Choice, Setting
 from probe.motion.roadmap import with_via
@@ -75,24 +74,18 @@ def plan(
     rng = np.random.default_rng(0) if rng is None else rng
     say = progress or (lambda what, share: None)
     _check(n, target, criterion, strategy)
-    least = structure(cell).rank if after is None else 1
-    if n is not None:
-        _enough(cell, n, least)
     say("finding touches that can be made", 0.0)
-    offered = offer(
-        cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting,
-        built=CRITERIA[criterion].needs_zone,
-    )  # fmt: skip
+    offered = candidate_set(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
     setting = Setting(offered, criterion, strategy, rng, robust, worst)
     if target is not None:
         say("looking for the number of touches", 0.3)
-        n = smallest(offered, target, least, setting.quickly)
+        n = smallest(offered, target, setting.quickly)
     n = 50 if n is None else n
-    if n > len(offered.found):
-        raise InputError(f"{n} touches are asked for, and only {len(offered.found)} were found that can be made")
+    if n > len(offered.candidates):
+        raise InputError(f"{n} touches are asked for, and only {len(offered.candidates)} were found that can be made")
     choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
     say("done", 1.0)
-    return _result(setting, choice, least)
+    return _result(setting, choice)
 
 
 def summary(result: PlanResult) -> dict[str, Any]:
@@ -120,44 +113,45 @@ def _check(n: int | None, target: float | None, criterion: str, strategy: str) -
     for word, value, known in (("criterion", criterion, CRITERIA), ("strategy", strategy, STRATEGIES)):
         if value not in known:
             raise InputError(f"{word} '{value}' is not known{nearest(value, known)}; choose one of {', '.join(known)}")
+    if n is not None and n < 1:
+        raise InputError(f"{n} touches are asked for, expected a number above 0")
     if n is not None and target is not None:
         raise InputError("a number of touches and a target are given; give one, the other follows from it")
     if target is not None and not target > 0:
         raise InputError(f"target {target:g} mm: write the 95 % tip error in the zone that is wanted, above 0")
 
 
-def _enough(cell: Cell, n: int, least: int) -> None:
-    """Raise InputError where n touches can never determine the parameters."""
-    if n < 1:
-        raise InputError(f"{n} touches are asked for, expected a number above 0")
-    if n < least:
-        raise InputError(
-            f"{n} touches cannot determine the {least} identifiable parameters of robot "
-            f"'{cell.robot.name}'; plan at least {least}, better {2 * least}"
-        )
-
-
-def _result(setting: Setting, choice: Choice, least: int) -> PlanResult:
+def _result(setting: Setting, choice: Choice) -> PlanResult:
     """What a chosen set promises."""
     offered, touches = setting.offered, choice.touches
-    known = offered.drawing or offered.known
-    made = with_via(plan_of(touches), choice.order.via)
-    sigma, way = touch_sigma(known.cell, touches.names()), touches.approach
-    rows = known.rows(touches.q, touches.normal, sigma, approach=way)
-    tip = known.tip_rows(offered.zone)
-    pool = known.rows(offered.found.q, offered.found.normal, offered.sigma, approach=offered.found.approach)
-    chosen_by = offered.known
-    left = chosen_by.covariance(chosen_by.rows(touches.q, touches.normal, sigma, approach=way))
+    plan, basis = with_via(plan_of(touches), choice.order.via), offered.identifiable.basis
+    rows = offered.prior.unknowns.rows(touches.rows(offered.cell), offered.theta)
     return PlanResult(
-        plan=made, strategy=setting.strategy, criterion=setting.criterion,
-        indices={name: float(score(name, rows.T @ rows, len(rows), tip)) for name in CRITERIA},
+        plan=plan, strategy=setting.strategy, criterion=setting.criterion, indices=_indices(offered, rows),
         efficiency=choice.efficiency, efficiency_covers="candidates", joined=choice.joined,
-        offered=len(offered.found), manifold=choice.manifold,
-        promise=offered.promise(touches), curve=curve(offered, touches, least),
-        minutes=minutes(known.cell, made, offered.off(touches)),
-        unseen=unseen(known, pool, rows, offered.zone),
-        notes=(*offered.found.notes, *_blocked(made, choice.order), limiting(chosen_by, left, offered.zone)),
+        offered=len(offered.candidates), manifold=choice.manifold,
+        promise=offered.promise(touches), curve=curve(offered, touches),
+        minutes=minutes(offered.cell, plan, offered.deviations(touches)),
+        unseen=unseen(offered.identifiable, offered.rows @ basis, rows @ basis, offered.zone),
+        notes=(
+            *offered.candidates.notes, *offered.warnings(touches), *_blocked(plan, choice.order),
+            limiting(offered.prior.updated(rows), offered.zone),
+        ),
     )  # fmt: skip
+
+
+def _indices(offered: CandidateSet, rows: Float[np.ndarray, "touches unknowns"]) -> dict[str, float]:
+    """Every criterion of the touches: of the weld zone by all unknowns and priors, others by the touches alone.
+
+    A criterion that so few touches leave without a value is left out.
+    """
+    values = {}
+    for name, criterion in CRITERIA.items():
+        coordinates = offered.coordinates(criterion)
+        F = rows @ coordinates.basis
+        M = coordinates.information(F) if criterion.needs_zone else F.T @ F
+        values[name] = float(score(criterion, M, len(rows), coordinates.of_tip(offered.tip)))
+    return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
 def _blocked(made: Plan, order: Order) -> tuple[str, ...]:

@@ -7,12 +7,12 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from identify.uncertainty.information import drawn, touch_sigma
+from identify.uncertainty.coordinates import Coordinates
 from oed.candidates.candidates import Candidates
 from oed.candidates.even import even
 from oed.criteria.criterion import Criterion
 from oed.design.relaxation import ApproximateDesign
-from oed.planning.candidate_set import Offer
+from oed.planning.candidate_set import CandidateSet
 from oed.planning.visitable import Best, Pick, linked, measured, robust, visited
 from oed.refinement.certificate import certify
 from oed.refinement.coordinate import Refinement, refine, replaced
@@ -41,12 +41,17 @@ class Choice:
 class Setting:
     """What a plan is to be: by which criterion, from which offer, how."""
 
-    offered: Offer
+    offered: CandidateSet
     criterion: str
     strategy: str
     rng: np.random.Generator
     draws: int = 0  # robots that the touches have to suit, besides the most likely one
     worst: bool = False
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """Those of the criterion."""
+        return self.offered.coordinates(self.criterion)
 
     @cached_property
     def measure(self) -> Criterion:
@@ -55,32 +60,32 @@ class Setting:
 
     def quickly(self, n: int) -> Candidates:
         """Touches as the strategy has them, not refined and not ordered."""
-        everything = np.ones(len(self.offered.found), dtype=bool)
-        return self.offered.found.take(self._pick(n)(everything, None))
+        everything = np.ones(len(self.offered.candidates), dtype=bool)
+        return self.offered.candidates.take(self._pick(n)(everything, None))
 
     def choose(self, n: int, say: Say) -> Choice:
         """Touches in an order; ways that cannot be kept clear are part of it."""
         if self.strategy != "optimal" or self.draws:
             say("choosing", 0.0)
             visit = visited(self.offered, self._pick(n), self.rng)
-            touches = self.offered.found.take(visit.order.index)
+            touches = self.offered.candidates.take(visit.order.index)
             order = self._ordered(touches)
             return Choice(touches.take(order.index), order)
         say("choosing", 0.0)
         pick = Best(self.offered, n, self.criterion, searches=self._searches(n))
         visit = visited(self.offered, pick, self.rng, linked(pick))
         bound, joined = pick.bound(visit.allowed), int(visit.allowed.sum())
-        touches = self.offered.found.take(visit.order.index)
+        touches = self.offered.candidates.take(visit.order.index)
         say("refining", 0.5)
-        refinement = Refinement(self.offered.known, self.offered.feasibility)
+        refinement = Refinement(self.coordinates, self.offered.feasibility)
         touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.3 * share))
-        M = self._information(self._rows(touches))
+        M = self.coordinates.information(self.coordinates.rows(touches.rows(self.offered.cell)))
         efficiency, phi = self._efficiency(M, bound), self.measure.phi(M)
         if not self.measure.certified:
             return Choice(touches, found, joined, efficiency)
         say("bounding", 0.8)
-        allowed, rows = self.offered.found.take(visit.allowed), self.offered.rows[visit.allowed]
-        manifold = certify(refinement, allowed, rows, bound.support, n)
+        allowed = self.offered.candidates.take(visit.allowed)
+        manifold = certify(refinement, allowed, pick.rows[visit.allowed], bound.support, n)
         return Choice(touches, found, joined, efficiency, phi / manifold.level)
 
     def _searches(self, n: int) -> int:
@@ -89,11 +94,11 @@ class Setting:
     def _pick(self, n: int) -> Pick:
         offered, rng = self.offered, self.rng
         if self.strategy == "even":
-            return lambda allowed, before: even(offered.found, n, allowed)
+            return lambda allowed, before: even(offered.candidates, n, allowed)
         if self.strategy == "random":
             return lambda allowed, before: rng.choice(np.flatnonzero(allowed), n, replace=False)
         if self.draws:
-            models = np.concatenate([offered.known.theta[None], drawn(offered.known, self.draws, rng)])
+            models = np.concatenate([offered.theta[None], offered.prior.robots(self.draws, rng)])
             return robust(offered, n, self.criterion, models, self.worst)
         return Best(offered, n, self.criterion)
 
@@ -116,13 +121,6 @@ class Setting:
     def _ordered(self, touches: Candidates, above: Candidates | None = None) -> Order:
         """A short order of touches, which are in a good one already."""
         return self.offered.visit(touches, self.rng, start=np.arange(len(touches)), above=above)[0]
-
-    def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches kept"]:
-        sigma = touch_sigma(self.offered.known.cell, touches.names())
-        return self.offered.known.rows(touches.q, touches.normal, sigma, approach=touches.approach)
-
-    def _information(self, rows: Float[np.ndarray, "touches kept"]) -> Float[np.ndarray, "kept kept"]:
-        return self.offered.known.precision + rows.T @ rows
 
     def _efficiency(self, M: Float[np.ndarray, "kept kept"], bound: ApproximateDesign) -> float | None:
         return self.measure.phi(M) / bound.level if np.isfinite(bound.level) else None

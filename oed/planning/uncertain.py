@@ -11,8 +11,7 @@ from scipy.sparse.csgraph import shortest_path
 from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
-from identify.uncertainty.information import drawn
-from oed.planning.candidate_set import Offer, offer, plan_of
+from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
 from oed.planning.visitable import Best, visited
 from probe.motion.edges import FINE, Edges
 from probe.motion.roadmap import with_via
@@ -57,17 +56,16 @@ class UncertainEdges(Edges):
 
 
 @dataclass(frozen=True, eq=False)
-class UncertainOffer(Offer):
-    """An offer whose ways are clear for nearly all robots that what is known allows."""
+class UncertainCandidateSet(CandidateSet):
+    """Candidates between which ways are clear for nearly all robots that what is known allows."""
 
     risk: float = 1.0
 
     @cached_property
     def edges(self) -> UncertainEdges:
         """Which ways between postures are clear."""
-        return UncertainEdges(
-            self.feasibility.clearance, drawn(self.known, ROBOTS, np.random.default_rng(0)), self.risk
-        )
+        robots = self.prior.robots(ROBOTS, np.random.default_rng(0))
+        return UncertainEdges(self.feasibility.clearance, robots, self.risk)
 
 
 def plan_under_uncertainty(
@@ -78,11 +76,11 @@ def plan_under_uncertainty(
     trail: Plan | None = None,
 ) -> Plan:
     """A plan for a badly known robot, that begins with a clear way from the last touch of a trail."""
-    found = offer(cell, rng, after=after, count=ROUGH)
+    found = candidate_set(cell, rng, after=after, count=ROUGH)
     for risk in RISKS:
-        offered = UncertainOffer(found.known, found.found, risk, lifting=False)
+        offered = UncertainCandidateSet(found.prior, found.candidates, risk, lifting=False)
         order = visited(offered, Best(offered, n, "V"), rng).order
-        plan = plan_of(offered.found.take(order.index))
+        plan = plan_of(offered.candidates.take(order.index))
         started = begun(plan, offered.edges, trail)
         if not order.blocked and (trail is None or started is not plan):
             return started

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.uncertainty.coordinates import Coordinates
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
 from oed.design.constraints import Rules
@@ -14,7 +15,7 @@ from oed.design.exact import exact_design, swaps_of
 from oed.design.memetic import Pool
 from oed.design.relaxation import ApproximateDesign, approximate_design
 from oed.design.robust import RobustSwaps
-from oed.planning.candidate_set import Offer
+from oed.planning.candidate_set import CandidateSet
 from oed.refinement.coordinate import APART
 from probe.motion.edges import COARSE, astray, like
 from probe.motion.tour import Order
@@ -40,7 +41,7 @@ class Visit:
 
 
 def visited(
-    offered: Offer, pick: Pick, rng: np.random.Generator, allowed: Bool[np.ndarray, " touches"] | None = None
+    offered: CandidateSet, pick: Pick, rng: np.random.Generator, allowed: Bool[np.ndarray, " touches"] | None = None
 ) -> Visit:
     """Touches that `pick` chooses among those allowed, until they can be visited on clear ways.
 
@@ -48,11 +49,11 @@ def visited(
     put in the place of what is given up that tells nearly the same and can be visited. The best try is returned where
     none is free of blocked ways.
     """
-    cell, at = offered.known.cell, offered.found.approach
+    cell, at = offered.cell, offered.candidates.approach
     allowed = np.ones(len(at), dtype=bool) if allowed is None else allowed
     chosen, best = pick(allowed, None), None
     for attempt in range(TRIES + MENDS):
-        found, clear = offered.visit(offered.found.take(chosen), rng, kicks=0)
+        found, clear = offered.visit(offered.candidates.take(chosen), rng, kicks=0)
         if best is None or len(found.blocked) < len(best.order.blocked):
             best = Visit(replace(found, index=chosen[found.index]), allowed)
         if not found.blocked:
@@ -71,12 +72,12 @@ def visited(
 def linked(best: "Best") -> Bool[np.ndarray, " touches"]:
     """The touches on offer without those that no clear way seems to join to most of what the relaxation uses."""
     offered, n = best.offered, best.n
-    cell, at, allowed = offered.known.cell, offered.found.approach, np.ones(len(offered.found), dtype=bool)
+    cell, at, allowed = offered.cell, offered.candidates.approach, np.ones(len(offered.candidates), dtype=bool)
     for _ in range(TRIES):
         weights = best.bound(allowed).weights
         some = np.argsort(-weights, kind="stable")[:USED]
         used = np.flatnonzero(allowed)[some]
-        group = offered.groups(offered.found.take(used))
+        group = offered.groups(offered.candidates.take(used))
         main = group == np.argmax(np.bincount(group, weights[some]))
         fewer = allowed & ~like(cell, at, at[used[~main]], at[used[main]])
         if main.all() or fewer.sum() < n:
@@ -86,15 +87,16 @@ def linked(best: "Best") -> Bool[np.ndarray, " touches"]:
 
 
 def _mended(
-    offered: Offer,
+    offered: CandidateSet,
     chosen: Int[np.ndarray, " n"],
     bad: Int[np.ndarray, " some"],
     allowed: Bool[np.ndarray, " touches"],
 ) -> Int[np.ndarray, " n"]:
     """The touches with those that lead astray replaced by others that tell nearly the same and have clear ways."""
-    at, F = offered.found.approach, offered.rows
+    at, coordinates = offered.candidates.approach, offered.all_unknowns
     kept = np.delete(chosen, bad)
-    F = F @ np.linalg.cholesky(offered.known.covariance(F[chosen]))  # so that distances mean information
+    F = offered.rows @ coordinates.basis
+    F = F @ np.linalg.cholesky(np.linalg.inv(coordinates.information(F[chosen])))  # so that distances mean information
     for i in chosen[bad]:
         distance = np.minimum(((F - F[i]) ** 2).sum(axis=1), ((F + F[i]) ** 2).sum(axis=1))
         distance[~allowed] = np.inf
@@ -110,14 +112,14 @@ def _mended(
 class Best:
     """Choose what is best by a criterion: searched for among what the relaxation nearly uses, then among all.
 
-    `tip` says how what is to be exact moves with the parameters, the tip in the weld zone if not given; `searches` are
-    local ones, fewer where touches have to be chosen again.
+    `tip` holds the rows of the points that are to be exact, by all unknowns, those of the tip in the weld zone if not
+    given; `searches` are local ones, fewer where touches have to be chosen again.
     """
 
-    offered: Offer
+    offered: CandidateSet
     n: int
     criterion: str | Criterion
-    tip: Float[np.ndarray, "poses 3 kept"] | None = None
+    tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
     searches: int = FEW
 
     def __call__(
@@ -130,8 +132,8 @@ class Best:
         start = None if before is None else np.searchsorted(some, np.intersect1d(before, some))
         searches = self.searches if before is None else min(self.searches, FEW)
         found = exact_design(
-            self.offered.rows[some], self.n, self.measure, relaxation=self.bound(allowed), start=start,
-            iterations=searches, prior=self.offered.known.precision,
+            self.rows[some], self.n, self.measure, relaxation=self.bound(allowed), start=start,
+            iterations=searches, prior=self.coordinates.precision,
             positions=_places(self.offered)[some], min_distance=1.0,
         )  # fmt: skip
         return some[found.indices]
@@ -141,7 +143,7 @@ class Best:
         name = allowed.tobytes()
         if name not in self._bounds:
             self._bounds[name] = approximate_design(
-                self.offered.rows[allowed], self.measure, GAP, touches=self.n, prior=self.offered.known.precision
+                self.rows[allowed], self.measure, GAP, touches=self.n, prior=self.coordinates.precision
             )
         return self._bounds[name]
 
@@ -150,6 +152,16 @@ class Best:
         """By the touches that are allowed."""
         return {}
 
+    @property
+    def coordinates(self) -> Coordinates:
+        """Those of the criterion."""
+        return self.offered.coordinates(self.criterion)
+
+    @cached_property
+    def rows(self) -> Float[np.ndarray, "touches k"]:
+        """Whitened rows of all candidates in these coordinates."""
+        return self.offered.rows @ self.coordinates.basis
+
     @cached_property
     def measure(self) -> Criterion:
         """The criterion, of what is to be exact."""
@@ -157,25 +169,25 @@ class Best:
 
 
 def measured(
-    criterion: str | Criterion, offered: Offer, tip: Float[np.ndarray, "poses 3 kept"] | None = None
+    criterion: str | Criterion, offered: CandidateSet, tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
 ) -> Criterion:
-    """A criterion of the poses of the weld zone, or of others, if it needs poses."""
-    chosen = criterion_named(criterion)
-    zone = None if not chosen.needs_zone else offered.tip if tip is None else tip
-    return chosen.on(zone, len(offered.known.precision))
+    """A criterion of the poses of the weld zone, or of points with other rows, if it needs any."""
+    chosen, coordinates = criterion_named(criterion), offered.coordinates(criterion)
+    zone = coordinates.of_tip(offered.tip if tip is None else tip) if chosen.needs_zone else None
+    return chosen.on(zone, len(coordinates))
 
 
-def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool) -> Pick:
+def robust(offered: CandidateSet, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool) -> Pick:
     """Choose what is best over several robots: by the mean of the criterion over them, or with `worst` by the least.
 
     The search begins with what is best for the first robot.
     """
-    alone = Best(offered, n, criterion)
-    robots = []
+    alone, coordinates, touches = Best(offered, n, criterion), offered.coordinates(criterion), offered.candidates
+    robots, equations = [], touches.rows(offered.cell)
     for theta in models:
-        here = measured(criterion, offered, offered.known.tip_rows(offered.zone, theta))
-        robots.append(swaps_of(here, offered.rows_at(theta), offered.known.precision))
-    rules = Rules(len(offered.found), position=_places(offered), distance=1.0)
+        here = measured(criterion, offered, offered.prior.unknowns.tip_rows(offered.zone, theta))
+        robots.append(swaps_of(here, coordinates.rows(equations, theta), coordinates.precision))
+    rules = Rules(len(touches), position=_places(offered), distance=1.0)
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
         start = alone(allowed, before)
@@ -190,6 +202,6 @@ def robust(offered: Offer, n: int, criterion: str, models: Float[np.ndarray, "mo
     return pick
 
 
-def _places(offered: Offer) -> Float[np.ndarray, "touches axes"]:
+def _places(offered: CandidateSet) -> Float[np.ndarray, "touches axes"]:
     """Places of touches in units in which replicates are closer than 1."""
-    return np.hstack([offered.found.point / APART[0], offered.found.q / APART[1]])
+    return np.hstack([offered.candidates.point / APART[0], offered.candidates.q / APART[1]])

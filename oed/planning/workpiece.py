@@ -12,19 +12,22 @@ from identify.model.frames import inverse, pose, transform
 from identify.model.io.calibration_file import Calibration
 from identify.model.jig import Jig
 from identify.model.touch import Plan
-from identify.uncertainty.knowledge import tip_errors, touch_sigma
-from identify.uncertainty.promise import Promise, promise
+from identify.uncertainty.calibrated import posterior
+from identify.uncertainty.information import Information, prior_information
+from identify.uncertainty.promise import Promise
+from identify.uncertainty.unknowns import Shared, Unknowns
 from oed.candidates.candidates import Candidates
-from oed.planning.candidate_set import Offer, offer, plan_of
+from oed.planning.candidate_set import CandidateSet, around, plan_of
 from oed.planning.visitable import Best, visited
 from probe.motion.roadmap import with_via
 from probe.motion.tour import Order
 
 FEWEST = 6  # freedoms of a rigid body
 USUAL = 12
-COUNT = 6000  # touches on offer
+COUNT = 6000  # candidates
 CURVE = (6, 8, 10, 12, 16, 24)
 STEP = 1e-6  # for differences
+CALIBRATED = "calibrated."  # before the name of a parameter of the base as it was calibrated
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,20 +63,20 @@ def plan_workpiece(
     n = USUAL if n is None else n
     if n < FEWEST:
         raise InputError(f"{n} touches cannot locate a workpiece, which has 6 freedoms; plan at least {FEWEST}")
-    placed = standing(cell, workpiece, at, after)
-    offered = offer(placed, rng, after=None if after is None else _open(placed, after), count=count)
-    if n > len(offered.found):
-        raise InputError(f"{n} touches are asked for, and only {len(offered.found)} were found that can be made")
-    G = _motions(offered)
-    touches, order = chosen(offered, n, "V", rng, G)
+    placed = with_workpiece(cell, workpiece, at, after)
+    offered = around(workpiece_prior(placed, after), rng, count)
+    if n > len(offered.candidates):
+        raise InputError(f"{n} touches are asked for, and only {len(offered.candidates)} were found that can be made")
+    corners = corner_rows(offered.prior, after)
+    touches, order = best_in_order(offered, n, "V", rng, corners)
     return WorkpiecePlan(
         plan=with_via(plan_of(touches), order.via), cell=placed, faces=_faces(touches),
-        promise=_promise(offered, G, touches), curve=_curve(offered, G), minutes=order.minutes,
-        notes=(*offered.found.notes, *(f"the way after touch {i + 1} is not clear" for i in order.blocked)),
+        promise=offered.promise(touches, tip=corners), curve=_curve(offered, corners), minutes=order.minutes,
+        notes=(*offered.candidates.notes, *(f"the way after touch {i + 1} is not clear" for i in order.blocked)),
     )  # fmt: skip
 
 
-def standing(
+def with_workpiece(
     cell: Cell, workpiece: Jig, at: Float[np.ndarray, " 6"] | None = None, after: Calibration | None = None
 ) -> Cell:
     """The cell with a workpiece in the place of the jig; there is no weld zone in its frame."""
@@ -82,31 +85,56 @@ def standing(
     return replace(cell, jig=workpiece, base=base, zone=None)
 
 
-def chosen(
-    offered: Offer,
+def best_in_order(
+    offered: CandidateSet,
     n: int,
     criterion: str,
     rng: np.random.Generator,
-    tip: Float[np.ndarray, "poses 3 kept"] | None = None,
+    points: Float[np.ndarray, "points 3 unknowns"] | None = None,
 ) -> tuple[Candidates, Order]:
-    """The best touches on offer by a criterion, for what moves as `tip` does, in an order in which they can be made."""
-    order = visited(offered, Best(offered, n, criterion, tip), rng).order
-    return offered.found.take(order.index), order
+    """The best candidates by a criterion, for points that move by these rows, in an order in which they can be made."""
+    order = visited(offered, Best(offered, n, criterion, points), rng).order
+    return offered.candidates.take(order.index), order
 
 
-def _open(cell: Cell, after: Calibration) -> Calibration:
-    """What a calibration tells of links and tool; where the workpiece stands is open within the base's tolerance."""
-    assert cell.base is not None
-    names = [name for name in cell.robot.parameters if name.startswith("base.")]
-    links = [k for k, name in enumerate(after.estimated) if not name.startswith("base.")]
-    size = len(names) + len(links)
-    covariance = np.zeros((size, size))
-    covariance[: len(names), : len(names)] = _tolerance(cell, cell.base)
-    covariance[len(names) :, len(names) :] = after.covariance[np.ix_(links, links)]
-    theta = np.concatenate([cell.base, after.theta[6:]])
-    return replace(
-        after, cell=cell, theta=theta, estimated=(*names, *(after.estimated[k] for k in links)), covariance=covariance
-    )
+def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
+    """What is known of the robot as the workpiece sees it, which may stand off and turned by the base's tolerances.
+
+    After a calibration, the base as it was calibrated is an unknown beside the base as the workpiece sees it: both
+    share what the calibration leaves open of the base together with the links.
+    """
+    if after is None:
+        return prior_information(placed)
+    assert placed.base is not None
+    known, count = posterior(after), len(after.estimated)
+    C = known.covariance()[:count, :count]
+    base = [k for k, name in enumerate(after.estimated) if name.startswith("base.")]
+    links = [k for k in range(count) if k not in base]
+    A = _seen_from(placed, after)[:, [after.index[k] for k in base]]
+    T = np.zeros((6 + len(links) + len(base), count))  # base as the workpiece sees it, links, base as calibrated
+    T[:6, base] = A
+    T[range(6, 6 + len(links)), links] = 1.0
+    T[range(6 + len(links), len(T)), base] = 1.0
+    covariance = T @ C @ T.T
+    covariance[:6, :6] += _tolerance(placed, placed.base)
+    calibrated = [
+        Shared(f"{CALIBRATED}{name}", unit, float(after.cell.scale[i]), 1.0, lambda at: np.zeros(len(at.rows)))
+        for name, unit, i in ((after.estimated[k], "mm", after.index[k]) for k in base)
+    ]
+    unknowns = Unknowns.of(replace(placed, fixed=frozenset()), further=calibrated)
+    parameters = np.array([*range(6), *(after.index[k] for k in links)])
+    names = [*placed.robot.parameters[:6], *(after.estimated[k] for k in links), *(c.name for c in calibrated)]
+    theta = np.concatenate([placed.base, after.theta[6:]])
+    return Information.of_covariance(replace(unknowns, parameters=parameters), theta, names, covariance)
+
+
+def _seen_from(placed: Cell, after: Calibration) -> Float[np.ndarray, "6 6"]:
+    """Derivative of the base's pose in the frame of the workpiece by its pose in the frame of the jig."""
+    assert placed.base is not None
+    workpiece_T_jig = transform(placed.base) @ inverse(transform(after.theta[:6]))
+    steps = STEP * np.concatenate([np.eye(6), -np.eye(6)])
+    moved = pose(workpiece_T_jig @ transform(after.theta[:6] + steps))
+    return np.asarray((moved[:6] - moved[6:]).T / (2 * STEP))
 
 
 def _tolerance(cell: Cell, base: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "6 6"]:
@@ -121,34 +149,35 @@ def _tolerance(cell: Cell, base: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "
     return A * np.repeat(cell.priors.base, 3) ** 2 @ A.T
 
 
-def _motions(offered: Offer) -> Float[np.ndarray, "corners 3 kept"]:
-    """How the corners of the faces move with the parameters that say where the base stands, whitened [mm]."""
-    known, base = offered.known, offered.known.theta[:6]
-    corner = known.cell.the_jig.corners
+def corner_rows(prior: Information, after: Calibration | None) -> Float[np.ndarray, "corners 3 unknowns"]:
+    """How the corners of the faces move in the frame of the robot's base with the pose of the workpiece [mm].
+
+    After a calibration only the workpiece moves, and not what the calibration leaves open of the base.
+    """
+    unknowns, base = prior.unknowns, prior.theta[:6]
+    corner = unknowns.cell.the_jig.corners
     fixed = inverse(transform(base)) @ np.column_stack([corner, np.ones(len(corner))])[..., None]  # in the base's frame
-    G = np.zeros((len(corner), 3, len(known.names)))
-    for k, (name, i) in enumerate(zip(known.names, known.kept, strict=True)):
-        if name.startswith("base."):
-            step = STEP * np.eye(6)[i]
-            G[:, :, k] = ((transform(base + step) - transform(base - step)) @ fixed)[:, :3, 0] / (2 * STEP)
-    return G * known.scale
+    steps = STEP * np.eye(6)
+    moves = [((transform(base + e) - transform(base - e)) @ fixed)[:, :3, 0] / (2 * STEP) for e in steps]
+    G, rows = np.stack(moves, axis=2), np.zeros((len(corner), 3, len(unknowns)))
+    rows[:, :, unknowns.index(unknowns.cell.robot.parameters[:6])] = G
+    if after is not None:
+        seen = G @ _seen_from(unknowns.cell, after)
+        for k, name in enumerate(unknowns.names):
+            if name.startswith(CALIBRATED):
+                rows[:, :, k] = -seen[:, :, after.cell.robot.parameters.index(name.removeprefix(CALIBRATED))]
+    return rows * unknowns.scale
 
 
-def _promise(offered: Offer, G: Float[np.ndarray, "corners 3 kept"], touches: Candidates) -> Promise:
-    names = touches.names()
-    rows = offered.known.rows(
-        touches.q, touches.normal, touch_sigma(offered.known.cell, names), approach=touches.approach
-    )
-    return promise(tip_errors(G, offered.known.error(rows, names)))
-
-
-def _curve(offered: Offer, G: Float[np.ndarray, "corners 3 kept"]) -> tuple[tuple[int, dict[str, int], float], ...]:
+def _curve(
+    offered: CandidateSet, corners: Float[np.ndarray, "corners 3 unknowns"]
+) -> tuple[tuple[int, dict[str, int], float], ...]:
     """What other numbers of touches would give, whether or not they can be visited one after the other."""
-    out, everything = [], np.ones(len(offered.found), dtype=bool)
+    out, everything = [], np.ones(len(offered.candidates), dtype=bool)
     for n in CURVE:
-        if n <= len(offered.found):
-            touches = offered.found.take(Best(offered, n, "V", G)(everything, None))
-            out.append((n, _faces(touches), _promise(offered, G, touches).p95_mm))
+        if n <= len(offered.candidates):
+            touches = offered.candidates.take(Best(offered, n, "V", corners)(everything, None))
+            out.append((n, _faces(touches), offered.promise(touches, tip=corners).p95_mm))
     return tuple(out)
 
 

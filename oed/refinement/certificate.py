@@ -10,12 +10,11 @@ from the candidates that gain most, which are structured to hold its maxima, eac
 asked of them, which can only raise the bound; a maximum in no basin of these starts would be missed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.uncertainty.information import touch_sigma
 from oed.candidates.candidates import Candidates
 from oed.design.matrix import sensitivities
 from oed.refinement.coordinate import Refinement
@@ -47,7 +46,7 @@ def certify(
     gains = sensitivities(rows, S)
     starts = _starts(touches, gains)
     best = max(gains.max(), _polished(refinement, touches.take(starts), S))
-    level = float(np.sum(S * refinement.known.precision) + n * best)
+    level = float(np.sum(S * refinement.coordinates.precision) + n * best)
     return Certificate(level, len(starts), float(best / gains.max() - 1))
 
 
@@ -67,6 +66,6 @@ def _polished(refinement: Refinement, touches: Candidates, S: Float[np.ndarray, 
     """The largest f'Sf that Ipopt finds from touches."""
     every = np.broadcast_to(S, (len(touches), *S.shape))
     q = refinement.best(touches, np.zeros(every.shape), every)
-    sigma = touch_sigma(refinement.known.cell, touches.names())
-    f = refinement.known.rows(q, touches.normal, sigma, approach=touches.approach + q - touches.q)
+    moved = replace(touches, q=q, approach=touches.approach + q - touches.q)
+    f = refinement.coordinates.rows(moved.rows(refinement.cell))
     return float(sensitivities(f, S).max())

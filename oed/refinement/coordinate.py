@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.model.cell import Cell
 from identify.model.ik import reach
-from identify.uncertainty.information import Knowledge, touch_sigma
+from identify.uncertainty.coordinates import Coordinates
 from oed.candidates.candidates import COLUMNS, Candidates
 from oed.candidates.feasibility import Feasibility, Infeasibility
 from oed.criteria.criterion import Criterion
@@ -30,18 +31,23 @@ ENOUGH = 2e-3  # of the criterion's logarithm that a sweep has to gain for anoth
 class Refinement:
     """The nonlinear program of one touch: the posture on a face that adds most to what all others tell."""
 
-    known: Knowledge
+    coordinates: Coordinates
     feasibility: Feasibility
+
+    @property
+    def cell(self) -> Cell:
+        """The cell to be touched."""
+        return self.coordinates.prior.unknowns.cell
 
     @cached_property
     def program(self) -> Program:
         """The touch in symbols."""
-        return Program(self.known, self.feasibility.margins)
+        return Program(self.coordinates, self.feasibility.margins)
 
     @cached_property
     def solver(self) -> ca.Function:
         """Ipopt on max f'Sf / (1 + f'Cf), exact second derivatives, compiled once for all touches and faces."""
-        f, k = self.program.row, len(self.known.names)
+        f, k = self.program.row, len(self.coordinates)
         C, S = ca.SX.sym("C", k, k), ca.SX.sym("S", k, k)
         gain = ca.dot(f, S @ f) / (1 + ca.dot(f, C @ f))
         p = ca.vertcat(self.program.p, ca.vec(C), ca.vec(S))
@@ -79,7 +85,7 @@ class Refinement:
         face = touches.face[owner]
         q, landed = self._landed(face, asked)
         approach, infeasibility = self.feasibility.touch(face, q)
-        p, R = self.known.cell.kinematics.tip(q, self.known.theta)
+        p, R = self.cell.kinematics.tip(q, self.coordinates.theta)
         normal = touches.normal[owner]
         lean = -(R[:, :, 2] * normal).sum(axis=1)
         trials = replace(
@@ -93,22 +99,22 @@ class Refinement:
         self, face: Int[np.ndarray, " trials"], q: Float[np.ndarray, "trials joints"]
     ) -> tuple[Float[np.ndarray, "trials joints"], Bool[np.ndarray, " trials"]]:
         """Postures brought into contact along the normal, the wire's direction and its turn kept; and which were."""
-        p, R = self.known.cell.kinematics.tip(q, self.known.theta)
+        p, R = self.cell.kinematics.tip(q, self.coordinates.theta)
         normal = self._normal[face]
         to = self._foot(face, p) + self._extent(face, R)[:, None] * normal
         found = reach(
-            self.known.cell.kinematics, self.known.theta, to, R, q, free_roll=q.shape[1] == 5,
+            self.cell.kinematics, self.coordinates.theta, to, R, q, free_roll=q.shape[1] == 5,
             free_orientation=q.shape[1] < 5,
         )  # fmt: skip
         return found.q, found.reached()
 
     @cached_property
     def _normal(self) -> Float[np.ndarray, "faces 3"]:
-        return np.stack([face.normal for face in self.known.cell.the_jig.faces])
+        return np.stack([face.normal for face in self.cell.the_jig.faces])
 
     @cached_property
     def _offset(self) -> Float[np.ndarray, " faces"]:
-        return np.array([face.offset for face in self.known.cell.the_jig.faces])
+        return np.array([face.offset for face in self.cell.the_jig.faces])
 
     def _foot(
         self, face: Int[np.ndarray, " trials"], p: Float[np.ndarray, "trials 3"]
@@ -121,7 +127,7 @@ class Refinement:
         self, face: Int[np.ndarray, " trials"], R: Float[np.ndarray, "trials 3 3"]
     ) -> Float[np.ndarray, " trials"]:
         """How far the middle of the wire's end stays off its face [mm]."""
-        wire = self.known.cell.wire
+        wire = self.cell.wire
         lean = (R[:, :, 2] * self._normal[face]).sum(axis=1)
         return np.asarray(wire.ball + wire.flat * np.sqrt(np.maximum(1 - lean**2, 0.0)))
 
@@ -150,22 +156,22 @@ def refine(
     can be made, and where no two touches become one. At last all are moved `together`, if wanted: that takes as long
     again and gains about a tenth of what was gained before.
     """
-    known, say = refinement.known, progress or (lambda share: None)
-    F = known.rows(touches.q, touches.normal, touch_sigma(known.cell, touches.names()), approach=touches.approach)
+    coordinates, say = refinement.coordinates, progress or (lambda share: None)
+    F = coordinates.rows(touches.rows(refinement.cell))
 
     def value(rows: Float[np.ndarray, "touches kept"]) -> float:
-        return criterion.log(known.precision + rows.T @ rows)
+        return criterion.log(coordinates.information(rows))
 
     for sweep in range(sweeps):
         before = value(F)
-        others = known.precision + F.T @ F - F[:, :, None] * F[:, None, :]
+        others = coordinates.information(F) - F[:, :, None] * F[:, None, :]
         S = np.stack([criterion.slope(M) for M in others])
         goals = refinement.best(touches, np.linalg.inv(others), S, partial(_share, say, sweep, sweeps))
         touches, F = _accepted(refinement, touches, F, goals, value)
         if value(F) - before < ENOUGH:
             break
     if together:
-        W = (M := known.precision + F.T @ F) @ criterion.slope(M) @ M
+        W = (M := coordinates.information(F)) @ criterion.slope(M) @ M
         goals = Simultaneous(refinement.program, W, len(touches)).best(touches)
         touches, F = _accepted(refinement, touches, F, goals, value)
     return touches
@@ -184,9 +190,7 @@ def _accepted(
 ) -> tuple[Candidates, Float[np.ndarray, "touches kept"]]:
     """Touches after those moves towards `goals` that can be made and raise the value; and their rows."""
     trials, owner = refinement.approaches(touches, goals)
-    rows = refinement.known.rows(
-        trials.q, trials.normal, touch_sigma(refinement.known.cell, trials.names()), approach=trials.approach
-    )
+    rows = refinement.coordinates.rows(trials.rows(refinement.cell))
     best, moved = value(F), set[int]()
     for k, i in enumerate(owner.tolist()):
         if i in moved or not _apart(touches, i, trials, k):

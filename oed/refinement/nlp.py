@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.cell import Cell
 from identify.model.ik_step import LEVER
 from identify.model.kinematics import jig_T_tip, symbols
-from identify.uncertainty.information import Knowledge, touch_sigma
+from identify.uncertainty.coordinates import Coordinates
 from oed.candidates.candidates import Candidates
 from oed.candidates.edge_margins import Margins
 
@@ -38,39 +39,48 @@ class Program:
     """A touch as unknowns x and constants p.
 
     The unknowns are its postures at contact and at approach, so that joint limits hold from the approach to the end of
-    the search; the constants are its face, its sigma and where its search ends.
+    the search; the constants are its face, its sigma, where its search ends, and the part of its row that faces make.
     """
 
-    known: Knowledge
+    coordinates: Coordinates
     margins: Margins
+
+    @property
+    def cell(self) -> Cell:
+        """The cell to be touched."""
+        return self.coordinates.prior.unknowns.cell
 
     @cached_property
     def x(self) -> ca.SX:
         """Joints at contact, and at approach."""
-        return ca.SX.sym("x", 2 * len(self.known.cell.robot.joints))
+        return ca.SX.sym("x", 2 * len(self.cell.robot.joints))
 
     @cached_property
     def p(self) -> ca.SX:
-        """Normal, origin, u and v of the face, sigma, and the end of the search in units of the approach."""
-        return ca.SX.sym("p", 14)
+        """Normal, origin, u and v of the face, sigma, the end of the search in units of the approach, and the row of
+        what touches share."""
+        return ca.SX.sym("p", 14 + len(self.coordinates))
 
     @cached_property
     def _model(self) -> tuple[ca.SX, ca.SX]:
         """Row f and constraints g, in x and p."""
-        joints = len(self.known.cell.robot.joints)
-        _, theta = symbols(self.known.cell.robot)
+        joints = len(self.cell.robot.joints)
+        _, theta = symbols(self.cell.robot)
         q, above = self.x[:joints], self.x[joints:]
         n, origin, u, v = (self.p[i : i + 3] for i in (0, 3, 6, 9))
         made = ca.vertcat(ca.sign(q - above), 0)  # the side from which each joint comes
         tip, R = self._pose(q, theta, made)
         lean = ca.dot(n, R[:, 2])
         height = self._height(ca.dot(n, tip - origin), lean)
-        f = ca.gradient(height, theta)[self.known.kept] * self.known.scale / self.p[12]
+        unknowns = self.coordinates.prior.unknowns
+        own = ca.gradient(height, theta)[unknowns.parameters.tolist()] * unknowns.scale[: len(unknowns.parameters)]
+        basis = ca.sparsify(ca.DM(self.coordinates.basis[: len(unknowns.parameters)]))
+        f = basis.T @ own / self.p[12] + self.p[14:]
         place = [ca.dot(tip - origin, side) / ca.dot(side, side) for side in (u, v)]
-        held = self._held(tip, R, *self._pose(above, theta), self.known.cell.touch.approach * n)
+        held = self._held(tip, R, *self._pose(above, theta), self.cell.touch.approach * n)
         g = ca.vertcat(height, *place, -lean, *held, above + self.p[13] * (q - above))
-        f, g = (ca.substitute(x, theta, ca.SX(at)) for x, at in ((f, self.known.typical), (g, self.known.theta)))
-        return f, g
+        at = ca.SX(self.coordinates.theta)
+        return ca.substitute(f, theta, at), ca.substitute(g, theta, at)
 
     @property
     def row(self) -> ca.SX:
@@ -84,12 +94,12 @@ class Program:
 
     def numbers(self, touches: Candidates) -> Numbers:
         """Constants and limits of touches: inset, tilt, joint limits, and no joint far from where it is."""
-        cell, m = self.known.cell, len(touches)
+        cell, m = self.cell, len(touches)
         robot = cell.robot
         faces = [touches.faces[i] for i in touches.face]
         room = 1 + self.margins.overtravel[touches.face] / cell.touch.approach
         sides = [np.concatenate([f.normal, f.origin, f.u, f.v]) for f in faces]
-        p = np.column_stack([np.array(sides), touch_sigma(cell, touches.names()), room])
+        p = np.column_stack([np.array(sides), np.full(m, cell.touch.sigma), room, self._shared(touches)])
         lower, upper = (np.tile(limit, (m, 1)) for limit in (robot.lower + HAIR, robot.upper - HAIR))
         far = FAR * np.where(robot.prismatic, LEVER, 1.0)
         low, high = np.maximum(lower, touches.q - far), np.minimum(upper, touches.q + far)
@@ -104,20 +114,26 @@ class Program:
             ]),
         )  # fmt: skip
 
+    def _shared(self, touches: Candidates) -> Float[np.ndarray, "touches k"]:
+        """What unknowns that touches share add to their rows."""
+        unknowns, rows = self.coordinates.prior.unknowns, touches.rows(self.cell)
+        slopes = unknowns.shared_slopes(rows, self.coordinates.theta) / rows.sigma[:, None]
+        return slopes @ self.coordinates.basis[len(unknowns.parameters) :]
+
     def _pose(self, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
-        T = jig_T_tip(self.known.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]), made)
+        T = jig_T_tip(self.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]), made)
         return T[:, 3], T[:, :3]
 
     def _height(self, height: ca.SX, lean: ca.SX) -> ca.SX:
         """Distance of the end of the wire from the face, as in the model of a touch."""
-        wire = self.known.cell.wire
+        wire = self.cell.wire
         if wire.flat:
             return height - wire.flat * ca.sqrt(ca.fmax(1 - lean**2, 1e-12))
         return height - wire.ball
 
     def _held(self, tip: ca.SX, R: ca.SX, high: ca.SX, turned: ca.SX, way: ca.SX) -> list[ca.SX]:
         """What is zero where the approach holds the same wire off the face: as much as the robot's joints can keep."""
-        joints = len(self.known.cell.robot.joints)
+        joints = len(self.cell.robot.joints)
         rest = (turned.T @ R - R.T @ turned) / 2
         turn = ca.vertcat(rest[2, 1], rest[0, 2], rest[1, 0])
         return [high - tip - way, turn if joints > 5 else turn[:2] if joints == 5 else ca.SX(0, 1)]

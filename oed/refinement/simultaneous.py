@@ -96,7 +96,7 @@ class Simultaneous:
     @cached_property
     def _inner(self) -> tuple[ca.MX, ca.MX]:
         """C and U."""
-        M = ca.DM(self.program.known.precision) + self.rows[0] @ self.rows[0].T
+        M = ca.DM(self.program.coordinates.precision) + self.rows[0] @ self.rows[0].T
         C = ca.solve(M, ca.DM.eye(self.program.row.shape[0]))
         return C, C @ ca.DM(self.W) @ C
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from identify.uncertainty.information import touch_sigma
 from oed import exact_design
 from oed.criteria.criteria import CRITERIA, score
-from oed.planning.candidate_set import offer
+from oed.planning.candidate_set import candidate_set
 from oed.refinement.coordinate import Refinement, refine
 
 TOUCHES = 50
@@ -13,22 +12,24 @@ TOUCHES = 50
 
 def scattered(cell, count, iterations=None):
     """D-value of the best touches among `count` random ones."""
-    offered = offer(cell, np.random.default_rng(0), count=count, structured=False)
-    chosen = exact_design(offered.rows, TOUCHES, prior=offered.known.precision, iterations=iterations)
-    return volume(offered, offered.rows[chosen.indices])
+    offered = candidate_set(cell, np.random.default_rng(0), count=count, structured=False)
+    rows = offered.rows @ offered.identifiable.basis
+    chosen = exact_design(rows, TOUCHES, prior=offered.identifiable.precision, iterations=iterations)
+    return volume(offered, rows[chosen.indices])
 
 
 def refined(cell, count, iterations=None):
     """D-value of the best touches among `count` structured ones, moved to where they tell more."""
-    offered = offer(cell, np.random.default_rng(0), count=count)
-    chosen = exact_design(offered.rows, TOUCHES, prior=offered.known.precision, iterations=iterations)
-    touches = offered.found.take(chosen.indices)
+    offered = candidate_set(cell, np.random.default_rng(0), count=count)
+    rows = offered.rows @ offered.identifiable.basis
+    chosen = exact_design(rows, TOUCHES, prior=offered.identifiable.precision, iterations=iterations)
+    touches = offered.candidates.take(chosen.indices)
     touches = refine(
-        Refinement(offered.known, offered.feasibility), touches, CRITERIA["D"], together=iterations is None
+        Refinement(offered.identifiable, offered.feasibility), touches, CRITERIA["D"], together=iterations is None
     )
-    return volume(offered, offered.known.rows(touches.q, touches.normal, touch_sigma(cell, touches.names())))
+    return volume(offered, offered.identifiable.rows(touches.rows(cell)))
 
 
 def volume(offered, rows):
     """D-value of touches beside what is known of the robot."""
-    return float(score("D", offered.known.precision + rows.T @ rows, len(rows)))
+    return float(score("D", offered.identifiable.information(rows), len(rows)))

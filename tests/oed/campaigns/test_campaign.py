@@ -12,7 +12,6 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import summarize
 from identify.model.touch import Plan, joined
 from identify.model.zone import zone_poses
-from identify.uncertainty.assurance import assured
 from oed.campaigns.campaign import Job, campaign
 from oed.campaigns.connection import Connection
 from oed.campaigns.folder import Folder, over_port, touches_of
@@ -95,14 +94,6 @@ def test_what_cannot_be_is_refused_before_the_first_touch(known, wrong, sentence
         campaign(known, **({"target_mm": 0.3} | wrong), rng=np.random.default_rng(0), touch=calls.append)
 
     assert calls == []
-
-
-def test_the_promise_is_the_95th_percentile_of_a_known_law():
-    # one direction, one pose: |error| of a normal law stays below 1.96 sigma for 95 of 100 robots
-    tip = np.zeros((1, 3, 1))
-    tip[0, 0, 0] = 2.0
-
-    assert assured(tip, np.array([[0.25]])) == pytest.approx(1.96, rel=0.1)  # 400 draws
 
 
 def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(known, done):
