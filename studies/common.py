@@ -9,7 +9,7 @@ from identify.model.cell import Cell
 from identify.model.io.description import library, read_cell
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
-from oed.planning.candidate_set import Offer, offer
+from oed.planning.candidate_set import CandidateSet, candidate_set
 from oed.planning.plan import plan
 
 TOUCHES = 100  # as many as the paper made
@@ -23,9 +23,9 @@ def arc_welder() -> Cell:
 
 
 @lru_cache(maxsize=2)
-def offered(structured: bool) -> Offer:
+def offered(structured: bool) -> CandidateSet:
     """Touches that the paper's robot can make: structured ones, or only those spread evenly."""
-    return offer(arc_welder(), np.random.default_rng(7), structured=structured)
+    return candidate_set(arc_welder(), np.random.default_rng(7), structured=structured)
 
 
 @lru_cache(maxsize=1)

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from identify.report.svg import AFTER, Chart, axis, logarithmic, picture
-from oed.criteria.criteria import CRITERIA, score
+from oed.criteria.criteria import CRITERIA
 from oed.planning.candidate_set import plan_of
+from oed.planning.plan import indices
 from studies.common import arc_welder, offered, zone
 from studies.engine import Table, column
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
@@ -38,16 +39,21 @@ def run(rng: np.random.Generator, part: int, sets: int, robots: int) -> list[dic
     cell, offer, poses = arc_welder(), offered(structured=False), zone(200)
     rows = []
     for k in range(sets):
-        chosen = _spread(rng, offer.found.q, k % 2 == 0)
-        touches = offer.found.take(chosen)
+        chosen = _spread(rng, offer.candidates.q, k % 2 == 0)
+        touches = offer.candidates.take(chosen)
         plan = plan_of(touches)
         theta = draw_many(cell, robots, rng)
         made = touch_every(cell, theta, plan, rng, proud=draw_faces(cell, plan, robots, rng))
         error = errors_in_zone(cell, theta, calibrate_many(cell, made).theta, poses)
-        J = offer.rows[chosen]
-        indices = {name: float(score(name, J.T @ J, TOUCHES, offer.tip)) for name in CRITERIA}
         rms = float(np.sqrt((error**2).mean()))
-        rows.append({"set": part * sets + k, "drawn": ["from all", "nearby"][k % 2], **indices, "rms_mm": rms})
+        rows.append(
+            {
+                "set": part * sets + k,
+                "drawn": ["from all", "nearby"][k % 2],
+                **indices(offer, offer.rows[chosen]),
+                "rms_mm": rms,
+            }
+        )
     return rows
 
 

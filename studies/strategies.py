@@ -23,7 +23,7 @@ from identify.estimation.calibrate import calibrate
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, picture
 from oed.criteria.criteria import CRITERIA
-from oed.planning.candidate_set import offer, plan_of
+from oed.planning.candidate_set import candidate_set, plan_of
 from oed.planning.plan import COUNT, plan
 from oed.planning.strategies import Setting
 from studies.common import FEW, arc_welder, zone
@@ -90,7 +90,7 @@ def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int)
     for true in theta[:, None]:
         made = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
         if n > FIRST:
-            offered = offer(cell, rng, after=calibrate(cell, *made, folds=0), count=count)
+            offered = candidate_set(cell, rng, after=calibrate(cell, *made, folds=0), count=count)
             rest = plan_of(Setting(offered, "V", "optimal", rng).quickly(n - FIRST))
             made.append(_touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b"))
         found.append(calibrate(cell, *made, folds=0).theta)

@@ -13,6 +13,7 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Touches
+from identify.uncertainty.calibrated import posterior
 
 LEAST = 6  # touches of a check
 ALARM = 0.01  # chance that a robot which has not changed is said to have
@@ -132,9 +133,9 @@ class _Check:
         if unseen:
             require_unseen(calibration, found, "they cannot tell a change; touch again")
         _, J = measurement_model(cell.robot).linearize(calibration.theta, found)
-        r, known = predicted(calibration, found)
-        S = known @ calibration.joint_covariance @ known.T + np.diag((found.sigma * calibration.noise) ** 2)
-        return cls(calibration, touches.ids, r, J, S + _shared(calibration, touches))
+        r, known = predicted(calibration, found)[0], posterior(calibration)
+        B = found.sigma[:, None] * known.root(known.unknowns.rows(found, calibration.theta))
+        return cls(calibration, touches.ids, r, J, B @ B.T + np.diag((found.sigma * calibration.noise) ** 2))
 
     @cached_property
     def W(self) -> Float[np.ndarray, "touches touches"]:
@@ -192,14 +193,6 @@ def _lowest(touches: int, ranks: tuple[int, ...], bases: bytes) -> Float[np.ndar
     }
     chances = [chdtrc(rank, size) for rank, size in largest.items()]
     return np.asarray(np.minimum.reduce([chdtrc(touches, (u * u).sum(axis=1)), *chances]))
-
-
-def _shared(calibration: Calibration, touches: Touches) -> Float[np.ndarray, "touches touches"]:
-    """What touches on one face share: by how much it is off its drawing [mm^2], if that was not estimated."""
-    faces = {} if calibration.cell.jig is None or calibration.shared else calibration.cell.jig.by_name
-    names = np.array(touches.face)
-    tolerance = np.array([faces[name].tolerance if name in faces else 0.0 for name in touches.face])
-    return np.where(names[:, None] == names, np.outer(tolerance, tolerance), 0.0)
 
 
 def _findings(check: _Check, fits: list[_Fit]) -> tuple[Finding, ...]:

@@ -1,5 +1,6 @@
 """What a calibration says of all unknowns, and what it promises in the weld zone."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,8 @@ from identify.uncertainty.unknowns import Unknowns
 def posterior(calibration: Calibration, cell: Cell | None = None) -> Information:
     """What a calibration says, of its own cell or of another one with the same robot.
 
-    The priors hold for faces that it does not know. Parameters that it left at their drawing stay there.
+    The priors hold for faces that it does not know. Parameters that it left at their drawing stay there; blocks of
+    measurements, further placements, tools and points belong to what was measured, and are marginalized.
     """
     cell = calibration.cell if cell is None else cell
     if calibration.cell.robot.parameters != cell.robot.parameters:
@@ -25,9 +27,20 @@ def posterior(calibration: Calibration, cell: Cell | None = None) -> Information
             f"the calibration is of robot '{calibration.cell.robot.name}' with other parameters than "
             f"'{cell.robot.name}'; plan with the cell it was made for"
         )
-    everything = Unknowns.of(cell)
-    unknowns = replace(everything, parameters=np.array(calibration.index))
-    return Information.of_covariance(unknowns, calibration.theta, calibration.estimated, calibration.covariance)
+    unknowns = replace(Unknowns.of(cell), parameters=np.array(calibration.index, dtype=int), named=())
+    known = {*calibration.estimated, *_same_faces(calibration.cell, cell)} & set(unknowns.names)
+    index = [i for i, name in enumerate(calibration.names) if name in known]
+    names = [calibration.names[i] for i in index]
+    C = calibration.joint_covariance[np.ix_(index, index)]
+    return Information.of_covariance(unknowns, calibration.theta, names, C)
+
+
+def _same_faces(a: Cell, b: Cell) -> Iterator[str]:
+    """Names of the unknowns of faces that stand in two cells alike."""
+    for face in () if a.jig is None or b.jig is None else a.jig.faces:
+        other = b.the_jig.by_name.get(face.name)
+        if other is not None and np.allclose([*face.normal, face.offset], [*other.normal, other.offset]):
+            yield from (f"face.{face.name}{tilt}" for tilt in ("", ".tilt_u", ".tilt_v"))
 
 
 def tip_errors(calibration: Calibration, q: Float[np.ndarray, "poses joints"]) -> TipErrors:

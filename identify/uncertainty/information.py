@@ -146,4 +146,4 @@ def prior_information(cell: Cell) -> Information:
                 f"{name}: fit says nothing about the place of the {name}, and touches cannot be planned for a robot "
                 "that may be anywhere; write its nominal pose in cell.yaml, or give an earlier calibration with --after"
             )
-    return Information.prior(Unknowns.of(cell))
+    return Information.prior(replace(Unknowns.of(cell), named=()))

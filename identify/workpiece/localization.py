@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.files import InputError
-from identify.model.frames import inverse, pose, transform
+from identify.model.frames import pose, transform
 from identify.model.io.calibration_file import Calibration
 from identify.model.jig import Jig
-from identify.model.measurement import measurement_model, rows
+from identify.model.measurement import rows
 from identify.model.touch import Touches
+from identify.uncertainty.calibrated import posterior
 from identify.workpiece.placement import Contacts, Placement, outside, settle, starts, unseen
 
 FREEDOMS = 6
@@ -76,7 +77,7 @@ def locate(
     """The pose of a workpiece in the frame of the identified robot's base, from touches on its named faces.
 
     Starts from everywhere, or from the pose `near` [mm, rad] in the base. Touches are weighted by their scatter and by
-    what the calibration leaves open of the links, which they share. Raises InputError where they leave a freedom open,
+    what the calibration leaves open of the robot, which they share. Raises InputError where they leave a freedom open,
     where they allow two answers, or where they have nothing to do with the workpiece.
     """
     if not len(touches):
@@ -149,15 +150,19 @@ def _faces(workpiece: Jig, touches: Touches) -> Float[np.ndarray, "touches touch
 
 
 def _robot(calibration: Calibration, touches: Touches, at: Placement) -> Float[np.ndarray, "touches touches"]:
-    """Covariance of the residuals from what is not known of links and tool [mm^2]."""
-    theta = calibration.theta.copy()
-    theta[:6] = pose(inverse(_matrix(at)))
-    _, J = measurement_model(calibration.cell.robot).linearize(
-        theta, rows(calibration.cell.wire, [touches], calibration.cell.robot.temperature)
-    )
-    some = [k for k, name in enumerate(calibration.estimated) if not name.startswith("base.")]
-    J = J[:, np.array(calibration.index, dtype=int)[some]]
-    return J @ calibration.covariance[np.ix_(some, some)] @ J.T
+    """Covariance of the residuals from what is not known of the robot [mm^2].
+
+    It is that of the tip as the jig sees it, by the joint covariance of base, links and tool: what the calibration
+    cannot tell of them apart, it need not tell apart here either.
+    """
+    cell, theta = calibration.cell, calibration.theta
+    jig_T_workpiece = transform(theta[:6]) @ _matrix(at)
+    made = rows(cell.wire, [touches], cell.robot.temperature)
+    normal = made.normal @ jig_T_workpiece[:3, :3].T
+    known = posterior(calibration)
+    seen = replace(made, normal=normal, sigma=np.ones(len(made)), face=())
+    B = known.root(known.unknowns.rows(seen, theta))
+    return B @ B.T
 
 
 def _chosen(

@@ -192,8 +192,6 @@ def _compared(folder: Path, truth: Truth, found: Calibration) -> dict[str, Any]:
     before, after = (
         summarize(np.linalg.norm(cell.kinematics.tip(q, theta)[0] - tip, axis=1)) for theta in (cell.theta, found.theta)
     )
-    made = read_touches(folder / "touches.csv", cell)
-    used = np.array([found.residuals[name].used for name in made.ids])
     residuals = np.array([r.before_mm for r in found.residuals.values()])
     return {
         "initial_rms_mm": summarize(residuals).rms_mm, "zone_rms_mm": after.rms_mm, "before": before, "after": after,

@@ -81,9 +81,9 @@ def candidates(
 ) -> Candidates:
     """Feasible touches of the jig, `count` of them where there are so many; raises InputError where there are none.
 
-    `theta` and root root', a covariance, are what is known of the robot, its nominal parameters and priors if not given:
-    they place the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and torch [mm];
-    `structured` is the share that is asked for on corners and edges, the others are spread evenly.
+    `theta` and root root', a covariance, are what is known of the robot, its nominal parameters and priors if not
+    given: they place the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and
+    torch [mm]; `structured` is the share that is asked for on corners and edges, the others are spread evenly.
     """
     _require(cell)
     theta = cell.theta if theta is None else theta

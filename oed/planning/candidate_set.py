@@ -11,8 +11,8 @@ from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
-from identify.uncertainty.coordinates import Coordinates, of_all_unknowns, of_identifiable
 from identify.uncertainty.calibrated import posterior
+from identify.uncertainty.coordinates import Coordinates, of_all_unknowns, of_identifiable
 from identify.uncertainty.information import Information, prior_information
 from identify.uncertainty.promise import Promise, TipErrors, promise
 from oed.candidates.candidates import COUNT, STRUCTURED, Candidates, candidates
@@ -25,8 +25,9 @@ from probe.motion.edges import Edges
 from probe.motion.roadmap import Roadmap, lifts
 from probe.motion.tour import Order
 
-ROBOTS = 40  # drawn, of which each misses other touches
-FEWEST = 4  # of them that a promise rests on
+ROBOTS = 100  # drawn, of which each misses other touches
+MOST = 0.8  # of the touches: robots that meet fewer stop in the run
+FEW = 0.3  # share of the robots that meet so many, below which a promise is that of the average robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,37 +135,39 @@ class CandidateSet:
         home = np.clip(np.zeros((1, len(robot.joints))), robot.lower, robot.upper)
         return home[self.feasibility.clearance.hits(home) == CLEAR]
 
-    def promise(
-        self, touches: Candidates, times: float = 1.0, tip: Float[np.ndarray, "points 3 unknowns"] | None = None
-    ) -> Promise:
-        """The error to expect in the zone, or where `tip` says, after touches that are each made so many `times`.
+    def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
+        """The tip error to expect in the zone after touches that are each made so many `times`.
 
-        Touches that miss tell nothing. The promise is that over robots drawn from what is known that meet at least half
-        of the touches: the run of others stops.
+        A touch that misses tells nothing. The promise is that over robots drawn from what is known that meet most of
+        the touches. If few do, each touch counts by the share of robots that meet it.
         """
-        tip, rows = self.tip if tip is None else tip, np.sqrt(times) * self._rows(touches)
-        lands = self._lands(touches)
-        order = np.argsort(-lands.sum(axis=1), kind="stable")
-        robots = Counter(map(tuple, lands[order[: max(FEWEST, int(self._finish(lands).sum()))]].tolist()))
-        return promise(
-            *(
-                TipErrors(self.prior.updated(rows[np.array(hit)]).root(tip), weight=float(count))
-                for hit, count in robots.items()
-            )
+        rows, lands = np.sqrt(times) * self._rows(touches), self._lands(touches)
+        finish = lands.mean(axis=1) >= MOST
+        if finish.mean() < FEW:
+            rows = rows * np.sqrt(lands.mean(axis=0))[:, None]
+            return promise(TipErrors(self.prior.updated(rows).root(self.tip)))
+        robots = Counter(map(tuple, lands[finish].tolist()))
+        models = (
+            TipErrors(self.prior.updated(rows[np.array(hit)]).root(self.tip), weight=float(count))
+            for hit, count in robots.items()
         )
+        return promise(*models)
+
+    def promise_of(self, points: Float[np.ndarray, "points 3 unknowns"], touches: Candidates) -> Promise:
+        """The error to expect of points with these rows after touches, each of which is made until it hits."""
+        return promise(TipErrors(self.prior.updated(self._rows(touches)).root(points)))
 
     def warnings(self, touches: Candidates) -> tuple[str, ...]:
-        """A sentence if more than 5 of 100 robots drawn from what is known miss most of the touches."""
-        stopped = 100 * (1 - self._finish(self._lands(touches)).mean())
-        if stopped <= 5:
+        """A sentence if more than 5 of 100 robots drawn from what is known miss many of the touches."""
+        stopped = (self._lands(touches).mean(axis=1) < MOST).mean()
+        if stopped <= 0.05:
             return ()
+        whose = "that of the others" if 1 - stopped >= FEW else "that of the average robot"
         return (
-            f"about {stopped:.0f} of 100 robots with these tolerances miss more than half of the touches, and their run "
-            "stops: the promise is that of the others; measure base and tool better, or use touchcal campaign.",
+            f"about {100 * stopped:.0f} of 100 robots with these tolerances miss more than {100 * (1 - MOST):.0f} % of "
+            f"the touches, and their run may stop: the promise is {whose}. Measure base and tool better, or use touchcal "
+            "campaign, which begins with long searches.",
         )
-
-    def _finish(self, lands: Bool[np.ndarray, "robots touches"]) -> Bool[np.ndarray, " robots"]:
-        return lands.mean(axis=1) >= 0.5
 
     def _lands(self, touches: Candidates) -> Bool[np.ndarray, "robots touches"]:
         """Which touches meet their faces, by robots drawn from what is known.

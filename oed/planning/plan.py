@@ -84,6 +84,9 @@ def plan(
     if n > len(offered.candidates):
         raise InputError(f"{n} touches are asked for, and only {len(offered.candidates)} were found that can be made")
     choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
+    while target is not None and offered.promise(choice.touches).p95_mm > target and n < len(offered.candidates):
+        n = min(max(n + 1, round(1.05 * n)), len(offered.candidates))  # what clear ways join is a little less good
+        choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
     say("done", 1.0)
     return _result(setting, choice)
 
@@ -127,7 +130,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
     plan, basis = with_via(plan_of(touches), choice.order.via), offered.identifiable.basis
     rows = offered.prior.unknowns.rows(touches.rows(offered.cell), offered.theta)
     return PlanResult(
-        plan=plan, strategy=setting.strategy, criterion=setting.criterion, indices=_indices(offered, rows),
+        plan=plan, strategy=setting.strategy, criterion=setting.criterion, indices=indices(offered, rows),
         efficiency=choice.efficiency, efficiency_covers="candidates", joined=choice.joined,
         offered=len(offered.candidates), manifold=choice.manifold,
         promise=offered.promise(touches), curve=curve(offered, touches),
@@ -140,7 +143,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
     )  # fmt: skip
 
 
-def _indices(offered: CandidateSet, rows: Float[np.ndarray, "touches unknowns"]) -> dict[str, float]:
+def indices(offered: CandidateSet, rows: Float[np.ndarray, "touches unknowns"]) -> dict[str, float]:
     """Every criterion of the touches: of the weld zone by all unknowns and priors, others by the touches alone.
 
     A criterion that so few touches leave without a value is left out.

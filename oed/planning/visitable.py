@@ -177,7 +177,9 @@ def measured(
     return chosen.on(zone, len(coordinates))
 
 
-def robust(offered: CandidateSet, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool) -> Pick:
+def robust(
+    offered: CandidateSet, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool
+) -> Pick:
     """Choose what is best over several robots: by the mean of the criterion over them, or with `worst` by the least.
 
     The search begins with what is best for the first robot.

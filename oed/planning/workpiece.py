@@ -71,7 +71,7 @@ def plan_workpiece(
     touches, order = best_in_order(offered, n, "V", rng, corners)
     return WorkpiecePlan(
         plan=with_via(plan_of(touches), order.via), cell=placed, faces=_faces(touches),
-        promise=offered.promise(touches, tip=corners), curve=_curve(offered, corners), minutes=order.minutes,
+        promise=offered.promise_of(corners, touches), curve=_curve(offered, corners), minutes=order.minutes,
         notes=(*offered.candidates.notes, *(f"the way after touch {i + 1} is not clear" for i in order.blocked)),
     )  # fmt: skip
 
@@ -118,9 +118,12 @@ def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
     covariance = T @ C @ T.T
     covariance[:6, :6] += _tolerance(placed, placed.base)
     calibrated = [
-        Shared(f"{CALIBRATED}{name}", unit, float(after.cell.scale[i]), 1.0, lambda at: np.zeros(len(at.rows)))
-        for name, unit, i in ((after.estimated[k], "mm", after.index[k]) for k in base)
-    ]
+        Shared(
+            f"{CALIBRATED}{after.estimated[k]}", "deg" if after.cell.robot.angular[after.index[k]] else "mm",
+            float(after.cell.scale[after.index[k]]), 1.0, lambda at: np.zeros(len(at.rows)),
+        )
+        for k in base
+    ]  # fmt: skip
     unknowns = Unknowns.of(replace(placed, fixed=frozenset()), further=calibrated)
     parameters = np.array([*range(6), *(after.index[k] for k in links)])
     names = [*placed.robot.parameters[:6], *(after.estimated[k] for k in links), *(c.name for c in calibrated)]
@@ -177,7 +180,7 @@ def _curve(
     for n in CURVE:
         if n <= len(offered.candidates):
             touches = offered.candidates.take(Best(offered, n, "V", corners)(everything, None))
-            out.append((n, _faces(touches), offered.promise(touches, tip=corners).p95_mm))
+            out.append((n, _faces(touches), offered.promise_of(corners, touches).p95_mm))
     return tuple(out)
 
 

@@ -58,7 +58,8 @@ class Program:
     @cached_property
     def p(self) -> ca.SX:
         """Normal, origin, u and v of the face, sigma, the end of the search in units of the approach, and the row of
-        what touches share."""
+        what touches share.
+        """
         return ca.SX.sym("p", 14 + len(self.coordinates))
 
     @cached_property

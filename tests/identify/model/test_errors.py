@@ -13,7 +13,7 @@ from identify.model.identifiability import structure
 from identify.model.io.description import library, read_cell, read_robot
 from identify.model.io.entries import cell_entry, cell_from_entry
 from identify.model.kinematics import Kinematics
-from identify.model.measurement import Rows, measurement_model, tip_rows
+from identify.model.measurement import Rows, measurement_model, tip_rows, touch_conditions
 from identify.model.robot import Robot
 
 MASSES = (12.0, 9.0, 7.0, 3.0, 2.0, 0.5, 0.4)
@@ -213,17 +213,19 @@ def test_weights_turn_the_first_joint_of_a_robot_on_a_wall():
 
 
 def test_a_plan_counts_the_side_from_which_each_joint_comes(arc_welder, rng):
-    from identify.uncertainty.information import nominal_knowledge
+    from identify.uncertainty.unknowns import Unknowns
 
-    known = nominal_knowledge(replace(arc_welder, robot=replace(arc_welder.robot, errors=("backlash",))))
-    q = postures(known.cell.robot, rng, 40)
-    normal = np.tile([0.0, 0, 1], (40, 1))
+    unknowns = Unknowns.of(replace(arc_welder, robot=replace(arc_welder.robot, errors=("backlash",))))
+    q = postures(unknowns.cell.robot, rng, 40)
+    z, normal, ids = np.zeros(40), np.tile([0.0, 0, 1], (40, 1)), tuple(map(str, range(40)))
     sides = 0.1 * rng.choice([-1.0, 1.0], q.shape)
 
-    rows = known.rows(q, normal, np.ones(40), approach=q - sides)
+    rows, turned = (
+        unknowns.rows(Rows(q, normal, z, z, z + 1, ids, np.arange(40), touch_conditions(q, q - side)))
+        for side in (sides, -sides)
+    )
 
-    j2 = known.names.index("j2.backlash")
-    turned = known.rows(q, normal, np.ones(40), approach=q + sides)
+    j2 = unknowns.names.index("j2.backlash")
     np.testing.assert_allclose(rows[:, j2], -turned[:, j2], atol=1e-9)
     assert np.abs(rows[:, j2]).max() > 0.01
 

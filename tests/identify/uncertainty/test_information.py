@@ -9,7 +9,6 @@ from scipy.linalg import inv
 
 from identify.model.files import InputError
 from identify.model.measurement import rows as measured_rows
-from identify.uncertainty.compression import compression
 from identify.uncertainty.information import Information, prior_information
 from identify.uncertainty.unknowns import Unknowns
 
@@ -116,17 +115,3 @@ def test_a_base_that_is_to_be_fitted_is_not_determined_until_touches_do(arc_weld
 def test_a_base_that_is_to_be_fitted_cannot_be_planned_for(arc_welder):
     with pytest.raises(InputError, match="base: fit says nothing about the place of the base"):
         prior_information(replace(arc_welder, base=None))
-
-
-@pytest.mark.parametrize("after", [0, 20])
-def test_rows_in_fewer_coordinates_promise_the_same(arc_welder, prior, F, after, rng):
-    prior = prior.updated(F[:after])
-    pool = prior.unknowns.rows(measured_rows(arc_welder.wire, [touches_anywhere(arc_welder, 500, 8)]))
-    zone = prior.unknowns.tip_rows(rng.uniform(-1, 1, (20, 6)))
-    fewer = compression(prior, pool)
-    f, g = fewer.rows(pool[:50]), fewer.tip_rows(zone)
-
-    variance = np.einsum("pik,kl,pil->p", g, inv(np.eye(f.shape[1]) + f.T @ f), g)
-
-    assert f.shape[1] < len(prior.R)
-    assert variance == pytest.approx(prior.updated(pool[:50]).variance(zone).sum(axis=1), rel=2e-3)

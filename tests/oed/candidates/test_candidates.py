@@ -216,7 +216,7 @@ def test_what_is_known_of_the_robot_sets_the_distance_from_the_edges():
     cell = cell_of("arc-welder")
     P = len(cell.robot.parameters)
     shift = np.zeros((P, P))
-    shift[0, 0] = 4.0**2  # base.x, and nothing else, is uncertain by 4 mm
+    shift[0, 0] = 4.0  # base.x, and nothing else, is uncertain by 4 mm
 
     known = candidates(cell, np.random.default_rng(3), 500, root=shift)
 

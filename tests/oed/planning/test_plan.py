@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import identify
+from identify.model.cell import Priors
 from identify.model.files import InputError
 from identify.model.io.tables import plan_text
+from identify.model.measurement import rows
 from identify.model.zone import zone_poses
-from identify.uncertainty.information import built_knowledge, drawn
+from identify.uncertainty.unknowns import Unknowns
 from oed.criteria.criteria import CRITERIA
-from oed.planning.candidate_set import offer
+from oed.planning.candidate_set import candidate_set
 from oed.planning.plan import plan, summary
 from oed.planning.strategies import STRATEGIES
 from oed.planning.visitable import Best, linked, measured, robust
@@ -37,6 +39,13 @@ def optimal(results):
     return results["optimal"]
 
 
+@pytest.fixture(scope="module")
+def near(arc_welder):
+    """A cell with a tenth of the tolerances, and a plan for it."""
+    cell = replace(arc_welder, priors=Priors((1.0, 0.0035), (1.0, 0.0035), (0.3, 0.0017)))
+    return cell, planned(cell)
+
+
 @pytest.fixture(params=STRATEGIES)
 def result(request, results):
     return results[request.param]
@@ -44,7 +53,7 @@ def result(request, results):
 
 @pytest.fixture(scope="module")
 def offered(arc_welder):
-    return offer(arc_welder, np.random.default_rng(3), count=OFFER)
+    return candidate_set(arc_welder, np.random.default_rng(3), count=OFFER)
 
 
 def test_a_plan_touches_the_planes_of_its_faces(arc_welder, result):
@@ -81,25 +90,50 @@ def test_the_tip_stays_out_of_the_jig_on_the_way_from_touch_to_touch(arc_welder,
 
 
 @pytest.mark.parametrize("strategy", ["even", "random"])
-def test_the_optimal_plan_promises_three_quarters_of_the_error_of_others(results, strategy):
-    assert results["optimal"].promise.rms_mm < 0.75 * results[strategy].promise.rms_mm
+def test_the_optimal_plan_leaves_three_quarters_of_the_error_of_others(results, strategy):
+    deviation = {name: np.sqrt(result.indices["V"]) for name, result in results.items()}
+
+    assert deviation["optimal"] < 0.75 * deviation[strategy]
+    assert results["optimal"].promise.p95_mm < results[strategy].promise.p95_mm
 
 
-def test_what_is_promised_is_delivered(arc_welder, optimal):
-    """Thirty robots near nominal, touched and identified as in life: their tip errors at new poses of the zone."""
-    q = zone_poses(arc_welder, poses=100, rng=np.random.default_rng(77))
-    squares = []
+def test_what_is_promised_is_delivered(near):
+    """Robots and jigs drawn from the priors, touched as in life; estimates by the linear model of the plan."""
+    cell, result = near
+    q = zone_poses(cell, poses=100, rng=np.random.default_rng(77))
+    delivered = []
 
-    for seed in range(30):
+    for seed in range(40):
         rng = np.random.default_rng(seed)
-        truth = draw_truth(arc_welder, rng, scale=0.1, jig=True)
-        touches = touch_batch(arc_welder, truth, optimal.plan, rng)
-        found = identify.calibrate(arc_welder, touches.take(np.array(touches.status) == "hit"), folds=0, loss="linear")
-        tips = [arc_welder.kinematics.tip(q, theta)[0] for theta in (truth.theta, found.theta)]
-        squares.append(((tips[0] - tips[1]) ** 2).sum(axis=1))
+        truth = draw_truth(cell, rng, jig=True)
+        touches = touch_batch(cell, truth, result.plan, rng)
+        x = most_probable(cell, touches.take(np.array(touches.status) == "hit"))
+        tips = [cell.kinematics.tip(q, theta)[0] for theta in (truth.theta, Unknowns.of(cell).theta(x))]
+        delivered.append(np.linalg.norm(tips[0] - tips[1], axis=1))
 
-    assert np.sqrt(np.mean(squares)) == pytest.approx(optimal.promise.rms_mm, rel=0.15)
-    assert np.percentile(np.sqrt(squares), 95) == pytest.approx(optimal.promise.p95_mm, rel=0.2)
+    kept = np.percentile(delivered, 95, axis=1) <= result.promise.p95_mm
+    assert kept.mean() >= 0.9  # 95 of 100 are promised; of 40, 34 with a chance of 2 %
+    assert np.sqrt(np.mean(np.square(delivered))) == pytest.approx(result.promise.rms_mm, rel=0.15)
+
+
+def most_probable(cell, touches):
+    """Gauss-Newton on all unknowns with their priors."""
+    unknowns, equations = Unknowns.of(cell), rows(cell.wire, [touches])
+    x = np.zeros(len(unknowns))
+    for _ in range(4):
+        r, J = unknowns.linearize(x, equations)
+        A = np.vstack([J / equations.sigma[:, None], np.eye(len(x))])
+        x = x - np.linalg.lstsq(A, np.concatenate([r / equations.sigma, x]), rcond=None)[0]
+    return x
+
+
+def test_fewer_touches_than_parameters_are_a_plan_too_and_promise_less(near):
+    few = planned(near[0], 8, count=400)
+
+    assert len(few) == 8
+    assert near[1].promise.p95_mm < few.promise.p95_mm < np.inf
+    assert "V" in few.indices
+    assert "A" not in few.indices  # so few touches alone determine nothing
 
 
 def test_the_same_seed_gives_the_same_plan(arc_welder, optimal):
@@ -148,7 +182,7 @@ def test_progress_goes_from_nothing_to_all(arc_welder):
 
 def test_postures_with_the_elbow_bent_past_the_shoulder_are_left_out(offered):
     """Forearm or torch would have to pass through the shoulder to unbend it: nothing leads there from the others."""
-    bent = offered.found.q[:, 2] > np.radians(108)
+    bent = offered.candidates.q[:, 2] > np.radians(108)
 
     joined = linked(Best(offered, N, "V"))
 
@@ -158,13 +192,13 @@ def test_postures_with_the_elbow_bent_past_the_shoulder_are_left_out(offered):
 
 
 def test_touches_chosen_by_any_criterion_are_hardly_beaten_by_those_of_another(offered):
-    """Chosen alike, from touches on offer, by the criterion without what was known before."""
-    everything = np.ones(len(offered.found), dtype=bool)
+    """Chosen alike, from the candidates, each in the coordinates of the criterion."""
+    everything = np.ones(len(offered.candidates), dtype=bool)
     best = {name: Best(offered, N, name)(everything, None) for name in CRITERIA}
-    M = {name: offered.known.precision + offered.rows[i].T @ offered.rows[i] for name, i in best.items()}
 
     for name in CRITERIA:
-        criterion = measured(name, offered)
+        criterion, coordinates = measured(name, offered), offered.coordinates(name)
+        M = {other: coordinates.information(offered.rows[i] @ coordinates.basis) for other, i in best.items()}
         worth = {other: criterion.phi(M[other]) for other in CRITERIA}
         assert worth[name] > 0.95 * max(worth.values()), name
 
@@ -194,16 +228,17 @@ def test_touches_after_a_calibration_add_to_what_is_known(arc_welder, optimal):
 
 
 def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(offered):
-    models = np.vstack([offered.known.theta, drawn(offered.known, 5, np.random.default_rng(8))])
-    rows = [offered.rows_at(theta) for theta in models]
-    B = [measured("V", offered, offered.known.tip_rows(offered.zone, theta)).W for theta in models]
-    everything = np.ones(len(offered.found), dtype=bool)
+    models = np.vstack([offered.theta, offered.prior.robots(5, np.random.default_rng(8))])
+    coordinates, touches = offered.all_unknowns, offered.candidates.rows(offered.cell)
+    rows = [coordinates.rows(touches, theta) for theta in models]
+    B = [measured("V", offered, offered.prior.unknowns.tip_rows(offered.zone, theta)).W for theta in models]
+    everything = np.ones(len(offered.candidates), dtype=bool)
 
     def worst(index):
-        return max(np.trace(b @ offered.known.covariance(F[index])) for b, F in zip(B, rows, strict=True))
+        return max(np.trace(b @ np.linalg.inv(coordinates.information(F[index]))) for b, F in zip(B, rows, strict=True))
 
     chosen = {flag: robust(offered, N, "V", models, flag)(everything, None) for flag in (True, False)}
-    nominal = robust(offered, N, "V", offered.known.theta[None], False)(everything, None)
+    nominal = robust(offered, N, "V", offered.theta[None], False)(everything, None)
 
     assert worst(chosen[True]) < worst(nominal)
     assert worst(chosen[True]) < worst(chosen[False])
@@ -213,32 +248,22 @@ def test_a_robust_plan_can_be_made(arc_welder):
     assert len(planned(arc_welder, robust=2, count=400)) == N
 
 
-def test_a_plan_for_robots_as_built_sees_what_the_drawing_hides(arc_welder, offered):
-    """Two axes are parallel on the drawing; two more parameters can be told apart where they are not."""
-    built = built_knowledge(arc_welder)
-
-    assert len(offered.drawing.names) == 25
-    assert len(built.names) == 27  # as of any arm whose six axes stand anyhow
-    assert set(np.sign(built.built - arc_welder.theta)) <= {-1.0, 1.0}
-    np.testing.assert_allclose(np.abs(built.built - arc_welder.theta), arc_welder.prior)
-
-
-def test_a_target_is_met_with_few_touches(arc_welder):
-    result = planned(arc_welder, None, target=0.2, count=400)
+def test_a_target_is_met_with_few_touches(near):
+    result = planned(near[0], None, target=0.2, count=400)
 
     assert result.promise.p95_mm <= 0.2
-    assert 25 <= len(result) < 45
+    assert 15 <= len(result) < 45
 
 
-def test_a_target_that_no_number_of_touches_meets_gets_the_floor(arc_welder):
+def test_a_target_that_no_number_of_touches_meets_gets_the_floor(near):
     with pytest.raises(InputError, match=r"no number of touches can promise it.*alone leaves 0\.0\d+ mm"):
-        planned(arc_welder, None, target=0.02, count=400)
+        planned(near[0], None, target=0.02, count=400)
 
 
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"n": 24}, "24 touches cannot determine the 25 identifiable parameters"),
+        ({"n": 0}, "0 touches are asked for, expected a number above 0"),
         ({"n": 101, "count": 100}, "only 100 were found"),
         ({"criterion": "O9"}, "criterion 'O9' is not known.*choose one of O1"),
         ({"strategy": "evn"}, "did you mean 'even'"),
@@ -269,4 +294,4 @@ def test_a_jig_of_one_face_leaves_directions_unseen_and_names_the_face_to_add(ar
     result = planned(replace(arc_welder, jig=top), strategy="even", count=400)
 
     assert any("base.x" in sentence or "base.y" in sentence for sentence in result.unseen)
-    assert any("add a face that looks along" in sentence for sentence in result.unseen)
+    assert any("add a face whose normal points along" in sentence for sentence in result.unseen)

@@ -14,8 +14,8 @@ from identify.model.io.calibration_file import write_calibration
 from identify.model.io.description import library, read_cell
 from identify.model.touch import HIT
 from identify.workpiece.localization import locate
-from oed.planning.candidate_set import offer
-from oed.planning.workpiece import _motions, _open, _promise, plan_workpiece, standing
+from oed.planning.candidate_set import around
+from oed.planning.workpiece import corner_rows, plan_workpiece, with_workpiece, workpiece_prior
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth
 
@@ -38,15 +38,15 @@ def test_the_best_six_touches_lie_on_faces_that_look_three_ways_three_on_one_at_
 
 
 def test_the_best_six_touches_are_no_worse_than_any_three_two_and_one_on_offer(arc_welder, box, found, plans):
-    offered = offer(plans[6].cell, np.random.default_rng(0), after=_open(plans[6].cell, found), count=COUNT)
-    rng, G, face = np.random.default_rng(1), _motions(offered), np.array(offered.found.names())
+    offered = around(workpiece_prior(plans[6].cell, found), np.random.default_rng(0), COUNT)
+    rng, corners, face = np.random.default_rng(1), corner_rows(offered.prior, found), offered.candidates.names()
 
     classic = [
-        np.concatenate([rng.choice(np.flatnonzero(face == some[k]), 3 - k, replace=False) for k in range(3)])
+        np.concatenate([rng.choice(np.flatnonzero(np.array(face) == some[k]), 3 - k, replace=False) for k in range(3)])
         for some in (["top", "front", "right"], ["front", "top", "left"], ["right", "top", "front"]) * 20
     ]
 
-    errors = [_promise(offered, G, offered.found.take(index)).rms_mm for index in classic]
+    errors = [offered.promise_of(corners, offered.candidates.take(index)).rms_mm for index in classic]
     assert plans[6].promise.rms_mm <= min(errors)
 
 
@@ -78,7 +78,7 @@ def test_what_is_promised_of_the_corners_is_what_locating_says_and_what_a_hidden
 def test_a_workpiece_is_planned_for_where_it_is_said_to_stand(arc_welder, box):
     at = np.array([800.0, -300.0, -340.0, 1.5, 0.0, 0.0])
 
-    cell = standing(arc_welder, box, at)
+    cell = with_workpiece(arc_welder, box, at)
 
     assert inverse(transform(cell.base)) == pytest.approx(transform(at))
     assert (cell.jig, cell.zone) == (box, None)
@@ -150,6 +150,6 @@ def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence,
 def test_a_calibration_whose_base_is_open_places_the_workpiece_where_it_found_the_jig(arc_welder, box):
     truth = table_2(arc_welder)
 
-    cell = standing(replace(arc_welder, base=None), box, None, identified(arc_welder, truth))
+    cell = with_workpiece(replace(arc_welder, base=None), box, None, identified(arc_welder, truth))
 
     assert cell.base == pytest.approx(truth[:6])

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from own_criterion import Compromise
 
-from identify.uncertainty.information import touch_sigma
 from oed.criteria.criteria import CRITERIA
-from oed.planning.candidate_set import offer
+from oed.planning.candidate_set import candidate_set
 from oed.planning.visitable import Best
 from oed.refinement.coordinate import Refinement, refine
 
@@ -16,17 +15,17 @@ OWN = Compromise("own", 1.0, "rotation", "of these tests", (CRITERIA["D"], CRITE
 
 @pytest.fixture(scope="package")
 def offered(arc_welder):
-    return offer(arc_welder, np.random.default_rng(5), count=2000)
-
-
-@pytest.fixture(scope="package")
-def refinement(offered):
-    return Refinement(offered.known, offered.feasibility)
+    return candidate_set(arc_welder, np.random.default_rng(5), count=2000)
 
 
 @pytest.fixture(scope="package", params=["D", "V", "E", "G", OWN], ids=["D", "V", "E", "G", "own"])
 def best(request, offered):
     return Best(offered, N, request.param)
+
+
+@pytest.fixture(scope="package")
+def refinement(offered, best):
+    return Refinement(best.coordinates, offered.feasibility)
 
 
 @pytest.fixture(scope="package")
@@ -36,7 +35,7 @@ def criterion(best):
 
 @pytest.fixture(scope="package")
 def chosen(offered, best):
-    return offered.found.take(best(np.ones(len(offered.found), dtype=bool), None))
+    return offered.candidates.take(best(np.ones(len(offered.candidates), dtype=bool), None))
 
 
 @pytest.fixture(scope="package")
@@ -45,9 +44,8 @@ def moved(refinement, criterion, chosen):
 
 
 @pytest.fixture(scope="package")
-def information(offered):
+def information(offered, best):
     def of(touches):
-        rows = offered.known.rows(touches.q, touches.normal, touch_sigma(offered.known.cell, touches.names()))
-        return offered.known.precision + rows.T @ rows
+        return best.coordinates.information(best.coordinates.rows(touches.rows(offered.cell)))
 
     return of

@@ -1,9 +1,10 @@
 """Touches moved continuously: better, still on their faces, still feasible, by every kind of criterion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identify.uncertainty.information import touch_sigma
 from oed.candidates.feasibility import Infeasibility
 from oed.refinement.coordinate import APART
 
@@ -15,14 +16,14 @@ def test_moved_touches_tell_more(information, criterion, chosen, moved):
 
 
 def test_moved_touches_lie_on_their_faces_inside_the_inset_and_the_tilt(offered, moved):
-    cell = offered.known.cell
+    cell = offered.cell
     tip, R = cell.kinematics.tip(moved.q, cell.theta)
     cosine = -(R[:, :, 2] * moved.normal).sum(axis=1)
     at_end = tip - cell.wire.radius * np.sqrt(np.maximum(1 - cosine**2, 0))[:, None] * moved.normal
 
     for i, face in enumerate(moved.faces):
         mine = moved.face == i
-        at, inset = face.fractions(at_end[mine]), offered.found.margins.inset[i] / face.size
+        at, inset = face.fractions(at_end[mine]), offered.candidates.margins.inset[i] / face.size
         assert at_end[mine] @ face.normal == pytest.approx(face.offset, abs=1e-3)  # [mm], a micrometre
         assert moved.point[mine] == pytest.approx(at_end[mine], abs=1e-3)
         assert (at >= inset - 1e-6).all()
@@ -31,7 +32,7 @@ def test_moved_touches_lie_on_their_faces_inside_the_inset_and_the_tilt(offered,
 
 
 def test_moved_touches_are_approached_along_the_normal_with_the_same_wire(offered, moved):
-    cell = offered.known.cell
+    cell = offered.cell
     (tip, R), (above, turned) = (cell.kinematics.tip(q, cell.theta) for q in (moved.q, moved.approach))
 
     assert above - tip == pytest.approx(cell.touch.approach * moved.normal, abs=1e-3)
@@ -53,13 +54,13 @@ def test_no_two_moved_touches_become_one(moved, chosen):
 def test_no_small_step_along_the_face_beats_what_ipopt_found(offered, refinement, criterion, information, chosen, rng):
     """Random feasible steps around the optimum, brought back to the face by inverse kinematics."""
     M, one = information(chosen), chosen.take(np.array([3]))
-    sigma = touch_sigma(offered.known.cell, one.names())
-    f = offered.known.rows(one.q, one.normal, sigma)[0]
+    f = refinement.coordinates.rows(one.rows(offered.cell))[0]
     C = np.linalg.inv(M - np.outer(f, f))
     S = criterion.slope(M - np.outer(f, f))
 
     def worth(q):
-        rows = offered.known.rows(q, np.repeat(one.normal, len(q), axis=0), np.repeat(sigma, len(q)))
+        many = one.take(np.zeros(len(q), dtype=int))
+        rows = refinement.coordinates.rows(replace(many, q=q).rows(offered.cell))
         return ((rows @ S) * rows).sum(axis=1) / (1 + ((rows @ C) * rows).sum(axis=1))
 
     best = refinement.best(one, C[None], S[None])[0]
