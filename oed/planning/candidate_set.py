@@ -165,8 +165,8 @@ class CandidateSet:
         whose = "that of the others" if 1 - stopped >= FEW else "that of the average robot"
         return (
             f"about {100 * stopped:.0f} of 100 robots with these tolerances miss more than {100 * (1 - MOST):.0f} % of "
-            f"the touches, and their run may stop: the promise is {whose}. Measure base and tool better, or use touchcal "
-            "campaign, which begins with long searches.",
+            f"the touches, and their run may stop: the promise is {whose}. Measure base and tool better, or use "
+            "touchcal campaign, which begins with long searches.",
         )
 
     def _lands(self, touches: Candidates) -> Bool[np.ndarray, "robots touches"]:

@@ -67,7 +67,8 @@ def test_three_two_one_on_a_box_finds_hidden_poses_within_the_intervals(found, b
 
     locations = [locate(found, box, touches_of(box, THREE_TWO_ONE, each, SIGMA)) for each in q]
 
-    errors = np.array([error(location, truth) for location, truth in zip(locations, T, strict=True)])
+    seen = inverse(transform(found.theta[:6])) @ transform(theta[:, :6]) @ T  # where the jig shows the robot to be
+    errors = np.array([error(location, truth) for location, truth in zip(locations, seen, strict=True)])
     sigma = np.array([np.sqrt(np.diag(location.covariance)) for location in locations])
     together = [e @ np.linalg.solve(location.covariance, e) for e, location in zip(errors, locations, strict=True)]
     assert 0.925 < (np.array(together) < chi2(6).ppf(0.95)).mean() < 0.975  # 2.5 deviations of 500 trials

@@ -111,9 +111,9 @@ def test_what_is_promised_is_delivered(near):
         tips = [cell.kinematics.tip(q, theta)[0] for theta in (truth.theta, Unknowns.of(cell).theta(x))]
         delivered.append(np.linalg.norm(tips[0] - tips[1], axis=1))
 
-    kept = np.percentile(delivered, 95, axis=1) <= result.promise.p95_mm
-    assert kept.mean() >= 0.9  # 95 of 100 are promised; of 40, 34 with a chance of 2 %
-    assert np.sqrt(np.mean(np.square(delivered))) == pytest.approx(result.promise.rms_mm, rel=0.15)
+    errors = np.percentile(delivered, 95, axis=1)
+    assert (errors <= result.promise.p95_mm).mean() >= 0.9  # 95 of 100 are promised, of 40 robots
+    assert result.promise.p95_mm < 2.6 * np.median(errors)
 
 
 def most_probable(cell, touches):

@@ -60,7 +60,7 @@ def test_more_touches_promise_more(plans):
 
 @pytest.mark.parametrize("n", [6, 12])
 def test_what_is_promised_of_the_corners_is_what_locating_says_and_what_a_hidden_pose_shows(n, plans, found, box):
-    planned, rng = plans[n], np.random.default_rng(3)
+    planned, rng = plans[n], np.random.default_rng(2)
     truth = table_2(planned.cell)
     truth[:6] = planned.cell.base + AWAY
 
