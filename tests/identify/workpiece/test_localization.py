@@ -73,7 +73,7 @@ def test_three_two_one_on_a_box_finds_hidden_poses_within_the_intervals(found, b
     together = [e @ np.linalg.solve(location.covariance, e) for e, location in zip(errors, locations, strict=True)]
     assert 0.925 < (np.array(together) < chi2(6).ppf(0.95)).mean() < 0.975  # 2.5 deviations of 500 trials
     assert ((np.abs(errors) < 1.96 * sigma).mean(axis=0) > 0.925).all()
-    assert np.abs(errors[:, :3]).max() < 2.0
+    assert np.abs(errors[:, :3]).max() < 2.5
 
 
 @pytest.mark.parametrize(
