@@ -33,7 +33,7 @@ def plan(arc_welder, found):
     return plan_check(arc_welder, found, looked_for(found), count=3000)[0]
 
 
-def checked(cell, plan, theta, rng):
+def checked(cell, plan, theta, rng, sigma=SIGMA):
     """Touches of a robot with these parameters at the postures of a plan, on planes that stand where its tip is."""
     m = len(plan)
     blank = Touches(
@@ -41,7 +41,7 @@ def checked(cell, plan, theta, rng):
         ("",) * m, ("",) * m,
     )  # fmt: skip
     where = measurement_model(cell.robot).residual(theta, rows(cell.wire, [blank]))
-    return with_offsets(blank, where + SIGMA * rng.standard_normal(m))
+    return with_offsets(blank, where + sigma * rng.standard_normal(m))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def check(arc_welder, found, plan):
     def judged(change, rng, alarm=ALARM):
         theta = found.theta.copy()
         theta[found.index] += root @ rng.standard_normal(len(found.index))
-        return judge(found, checked(arc_welder, plan, theta + change, rng), alarm)
+        return judge(found, checked(arc_welder, plan, theta + change, rng, SIGMA * found.noise), alarm)
 
     return judged
 
