@@ -5,7 +5,7 @@ In the order in which data walks through:
     options     options that several commands share, and how results are printed
     screen      what a person sees: help, progress, touches as they are made
     demo        the whole loop on the embedded virtual robot
-    init        a commented cell folder to start from
+    init        a commented cell folder to start from, and JSON schemas of its files
     jig         a jig proposed from the mesh of a part
     check       the cell validated and compared with the pendant
     plan        touches chosen
@@ -23,7 +23,6 @@ In the order in which data walks through:
     health      whether the robot has changed
     report      the page of a calibration
     study       questions answered with numbers
-    schema      JSON schemas of the files that a user writes
 """
 
 import errno
@@ -61,7 +60,7 @@ COMMANDS = {
     "schema": "The JSON schema of cell.yaml, robot.yaml or jig.yaml, for editors.",
 }
 """What each command does, in one line; its module in this package is loaded only when it runs."""
-MODULES = {"import": "import_log"}  # what a module cannot be called
+FUNCTIONS = {"import": "import_log:import_log", "schema": "init:schema"}  # where a command has no module of its name
 
 GOES_ON = "what was finished is in its folder, and the same command goes on"
 KEPT = dict.fromkeys(("demo", "campaign", "study"), GOES_ON)
@@ -81,8 +80,7 @@ def application() -> App:
         suppress_keyboard_interrupt=False,
     )
     for name in COMMANDS:
-        module = MODULES.get(name, name)
-        app.command(f"oed.cli.{module}:{module}", name=name, help_flags=())
+        app.command(f"oed.cli.{FUNCTIONS.get(name, f'{name}:{name}')}", name=name, help_flags=())
     app.register_install_completion_command()
     return app
 

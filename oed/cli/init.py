@@ -1,14 +1,14 @@
-"""`touchcal init`."""
+"""`touchcal init` and `touchcal schema`."""
 
 from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import InputError, nearest, read_bytes, read_text, write_bytes, write_text
-from oed.cli.schema import schema_of
+from oed.cli.options import print_json
 
 if TYPE_CHECKING:
     from identify.model.cell import Cell
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from identify.model.robot import Robot
 
 MESHES = "meshes"  # folder beside the URDF
+Kind = Literal["cell", "robot", "jig"]
 SCHEMA = "cell.schema.json"
 FEW = 200  # touches that are searched for at a place of the base
 PAPER = "arc-welder"  # the paper's robot, which stands where the paper puts it
@@ -161,3 +162,29 @@ def _known(kind: str, name: str) -> Path:
     if name not in known:
         raise InputError(f"the library has no {kind[:-1]} '{name}'{nearest(name, known)}; it has {', '.join(known)}")
     return known[name]
+
+
+def schema(kind: Kind = "cell") -> None:
+    """Print the JSON schema of cell.yaml, robot.yaml or jig.yaml, by which editors check and complete it.
+
+    touchcal init writes that of the cell beside cell.yaml, whose first line names it for editors that use the YAML
+    language server. Example:
+
+        touchcal schema jig > jig.schema.json
+
+    Parameters
+    ----------
+    kind
+        The file to describe.
+    """
+    print_json(schema_of(kind))
+
+
+def schema_of(kind: Kind) -> dict[str, Any]:
+    """The schema of a file that a user writes, from the model that validates it."""
+    from pydantic import BaseModel
+
+    from identify.model.io.schema import CellFile, JigFile, RobotFile
+
+    models: dict[Kind, type[BaseModel]] = {"cell": CellFile, "robot": RobotFile, "jig": JigFile}
+    return models[kind].model_json_schema()

@@ -26,11 +26,11 @@ def jig(
 ) -> int:
     """Propose a jig.yaml from the mesh of a part: planar faces that a wire can reach, named by place.
 
-    touchcal jig part.stl -o jig.yaml
-
     The mesh (STL or OBJ) stands in the jig frame, z up. Faces are rectangles of at least 10 mm with 40 mm of room
     before them that do not look down; a face that is no rectangle gives the largest rectangles in it, which overlap.
-    The mesh is named in jig.yaml as an obstacle, and has to stay where it is.
+    The mesh is named in jig.yaml as an obstacle, and has to stay where it is. Example:
+
+        touchcal jig part.stl -o jig.yaml
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from identify.model.io.description import library
-from oed.cli.schema import schema_of
+from oed.cli.init import schema_of
 
 FILES = [(kind, name) for kind in ("cell", "robot", "jig") for name in library(f"{kind}s")]
 

@@ -11,7 +11,15 @@ from oed.cli import COMMANDS, application
 from oed.cli.screen.help import page
 
 HEAVY = ("casadi", "scipy", "pydantic", "ruamel", "jaxtyping", "rich", "identify.model.robot", "probe", "studies")
-PLACES = ("calibration", "directory", "kind", "name", "plan", "poses")  # arguments that have a place may be named, too
+PLACES = (
+    "calibration",
+    "directory",
+    "kind",
+    "name",
+    "part",
+    "plan",
+    "poses",
+)  # arguments that have a place may be named, too
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +56,7 @@ def test_help_of_any_command_loads_nothing_that_takes_time(said):
 def test_every_command_explains_itself_with_an_example(command, said):
     pages, _ = said
 
-    assert f"touchcal {command}" in re.split("Examples?:", pages[command])[1]
+    assert f"touchcal {command}" in re.split("[Ee]xamples?:", pages[command])[1]
     assert f"  {command}  " in pages[""]
 
 
