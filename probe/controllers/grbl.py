@@ -40,7 +40,7 @@ NOWHERE = 0.002  # [axis units]
 SLACK = 10.0  # [s] beyond the expected duration of a motion before it is stopped
 HOMING = 180.0  # [s]
 ARRIVED = 0.02  # [deg] or [mm]
-TRIES = 5  # of a target that GRBL understands wrongly
+ASKING = 5.0  # [s] for which a target that GRBL understands wrongly is told again
 SLOW = 1.0  # [deg/s] where a target cannot be checked: the watch stops it within 0.1 deg
 
 
@@ -91,7 +91,7 @@ class Grbl:
 
     def state(self) -> State:
         """How things stand now."""
-        report = self.link.patiently(self.link.report)
+        report = self.link.patiently(self.link.standing)
         moving, homed = report.state not in ("Idle", "Alarm"), report.state != "Alarm"
         return State(self.link.boot, moving, report.probe, report.position * self._unit, self._number, homed)
 
@@ -171,7 +171,8 @@ class Grbl:
         """The line that begins a motion [axis units, axis units/min], once GRBL has understood its target."""
         if not self._checks:
             return f"G90G94{word}{axis_words(target)}F{feed:.3f}"
-        for _ in range(TRIES):
+        until = self.link.clock.now() + self.link.clock.at_least(ASKING, ASKING)
+        while self.link.clock.now() < until:
             if self.link.patiently(lambda: self._understood(target, feed)):
                 return trigger(word, self.joints, feed, self.link.speed)
         raise Refused("LOST", "GRBL understands another target than it was told; is the line disturbed?")

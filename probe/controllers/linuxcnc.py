@@ -20,9 +20,10 @@ from probe.line.controller import Contact, Latch, LinkLost, NoContact, Rebooted,
 from probe.line.messages import following
 from probe.line.patience import T, patiently
 from probe.line.transcript import Transport
+from probe.line.watch import Watch
 
 ARRIVED = 2 * SLOWEST  # [deg] or [mm]
-PATIENCE = 20.0  # [s] before a controller that does not answer is given up
+PATIENCE = 4.0  # [s] before a controller that does not answer is given up
 REOPENED = 0.3  # [s] between two attempts to open a port that is gone
 CHATTER, NEAR = 5, 1.0  # times, and within how many [deg] or [mm] of where it began, a contact may stop a retract
 
@@ -30,8 +31,8 @@ CHATTER, NEAR = 5, 1.0  # times, and within how many [deg] or [mm] of where it b
 class LinuxCNC:
     """The host's side of linuxcncrsh: motions in MDI, guarded by G38.3.
 
-    LinuxCNC has no deadman: where the line breaks, a motion goes on to its end. With `home`, `connect` homes the
-    machine where it is not homed; without, nothing moves before the first move.
+    LinuxCNC has no deadman: where the line breaks, a motion goes on until the line is back, and is stopped then. With
+    `home`, `connect` homes the machine where it is not homed; without, nothing moves before the first move.
     """
 
     def __init__(self, transport: Transport, robot: Robot, clock: Clock, *, home: bool = False) -> None:
@@ -129,11 +130,14 @@ class LinuxCNC:
         if not words:
             return [], None
         self._counted = False
+        from_contact = code == "G1" and self._patiently(self._machine.touching)
+        watch = Watch(start, target, float(np.degrees(rate)), self._clock, from_contact=from_contact)
         try:
             self._machine.mdi(f"{LAST}={number} {parameters}G21 G90 G94 {code} {words}")
-            self._machine.settle()
+            self._machine.settle(watch)
         except LinkLost:
-            self._patiently(self._machine.settle)  # it goes on to its end, watched or not
+            self._patiently(self._shell.abort)  # nobody has watched it: it goes no further
+            self._patiently(self._machine.settle)
         messages = self._patiently(self._shell.messages)
         if code == "G1" and self._patiently(lambda: self._at(q)):
             self._last, self._counted = number, True

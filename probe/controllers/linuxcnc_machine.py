@@ -10,12 +10,13 @@ from probe.controllers.linuxcnc_mdi import BOOT, LAST, REPORTED, SEARCH, TRIPPED
 from probe.controllers.linuxcncrsh import Shell
 from probe.line.clock import Clock
 from probe.line.controller import LinkLost, Refused, TouchError
+from probe.line.watch import Watch
 
 POLL = 0.02  # [s]
 SETTLED = 0.04  # [s] without a change of position: LinuxCNC's task looks every 1 to 10 ms
-STALLED = 5.0  # [s] between two looks at whether a motion goes on: a feed hold, or an override of 0
+STALLED = 2.5  # [s] between two looks at whether a motion goes on: a feed hold, or an override of 0
 SHOWN = 1.0  # [s] before a question to the parameters is asked again: another screen may have taken the answer
-ASKED = 20.0  # [s] before such questions are given up
+ASKED = 5.0  # [s] before such questions are given up
 HOMING = 180.0  # [s]
 
 
@@ -58,9 +59,9 @@ class Machine:
         self._clock.sleep(SETTLED)
         return self.running() or not np.array_equal(self.commanded(), before)
 
-    def settle(self) -> None:
-        """Wait until nothing moves; raises Refused where a motion does not go on, once it is stopped."""
-        if not self._rests():
+    def settle(self, watch: Watch | None = None) -> None:
+        """Wait until nothing moves; raises Refused where a motion does not go on, or strays, once it is stopped."""
+        if not self._rests(watch):
             self.shell.abort()
             if not self._rests():
                 raise LinkLost(f"LinuxCNC at {self.shell.transport.url} does not obey an abort; stop the robot")
@@ -118,11 +119,15 @@ class Machine:
         code = "ESTOP" if self.shell.get("estop") == "ON" else code_of(messages, otherwise)
         return Refused(code, "; ".join(messages))
 
-    def _rests(self) -> bool:
+    def _rests(self, watch: Watch | None = None) -> bool:
         """Wait until nothing moves; False where a line of G-code runs on, but nothing moves."""
         looked, at = self._clock.now(), self.commanded()
         while self.running() or self.moving():
             self._clock.sleep(POLL)
+            if watch and (astray := watch.objection(self.standing(), self.touching())):
+                self.shell.abort()
+                self._rests()
+                raise Refused("ASTRAY", astray)
             if self._clock.now() - looked > STALLED:
                 if np.array_equal(at, at := self.commanded()):
                     return False

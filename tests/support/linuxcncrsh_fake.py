@@ -99,7 +99,8 @@ class FakeLinuxCNC:
             return queue.pop(0) if queue else "OK"
         values = {
             "estop": self.estop, "machine": self.machine, "mode": self.mode, "joint_units": " ".join(self.units),
-            "joint_homed": " ".join(["YES" if self.homed else "NO"] * 6), "probe_value": f"{self.closed:d}",
+            "joint_homed": " ".join(["YES" if self.homed else "NO"] * 6),
+            "probe_value": f"{self.closed and not self._moves():d}",
             "program_status": "RUNNING" if self.running_program or self._moves() else "IDLE",
         }  # fmt: skip
         for position in ("joint_pos", "abs_cmd_pos"):

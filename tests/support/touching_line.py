@@ -198,7 +198,11 @@ class LineServer:
             self._say("? NAK")
             return
         self.heard = self.clock.t
-        number, verb, *rest = body.split(" ")
+        number, _, words = body.partition(" ")
+        if not number.isdecimal() or not words:
+            self._say("? NAK")
+            return
+        verb, *rest = words.split(" ")
         seq = int(number)
         if verb == "HELLO":
             joints = len(self.world.q)

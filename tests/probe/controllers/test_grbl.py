@@ -30,7 +30,7 @@ def cell(arc_welder: Cell) -> Cell:
 
 @pytest.fixture(scope="module")
 def plan(cell: Cell) -> Plan:
-    return clear_plan(cell, 4)
+    return clear_plan(cell, 3)
 
 
 @pytest.fixture(scope="module")
@@ -236,14 +236,15 @@ def test_a_search_brings_back_where_the_wire_touched(bench: Bench) -> None:
 
 
 def test_a_search_lasts_as_long_as_its_rate_says(bench: Bench) -> None:
-    bench.served.robot.health.open = True
+    before = bench.start + 0.4 * (bench.end - bench.start)  # the wire is open: the torch must not reach the jig
 
-    found = bench.controller.search(bench.end, bench.rate)
+    bench.served.robot.health.open = True
+    found = bench.controller.search(before, bench.rate)
 
     assert isinstance(found, NoContact)
     (made,) = bench.served.robot.executed
-    assert made.ended - made.began == pytest.approx(5.0, rel=0.05)
-    np.testing.assert_allclose(found.q, bench.end, atol=np.radians(1e-3 * UNIT))
+    assert made.ended - made.began == pytest.approx(2.0, rel=0.1)
+    np.testing.assert_allclose(found.q, before, atol=np.radians(1e-3 * UNIT))
 
 
 def test_a_move_into_something_stops_and_the_way_back_is_open(bench: Bench) -> None:
@@ -379,7 +380,9 @@ def spoils(line: bytes) -> Iterator[bytes]:
             yield line[:at] + bytes([line[at] ^ 1 << bit]) + line[at + 1 :]
 
 
-def test_no_bit_and_no_byte_of_a_spoiled_motion_drives_the_tip_astray(cell: Cell, plan: Plan, truth: Truth) -> None:
+def test_no_bit_and_no_byte_of_a_spoiled_motion_drives_the_tip_astray(
+    cell: Cell, plan: Plan, truth: Truth, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The defect: a lost minus drove the tip 14 mm into the jig, a changed digit 23 mm at 87 deg/s.
 
     Every spoiled form of the offset is seen when it is read back; of the motion itself, a form that GRBL takes leads
@@ -398,6 +401,7 @@ def test_no_bit_and_no_byte_of_a_spoiled_motion_drives_the_tip_astray(cell: Cell
             np.testing.assert_allclose(grbl.offset, target, atol=5e-4)
             unseen += 1
         assert not robot.moving, spoiled
+    monkeypatch.setattr(robot, "begin", lambda *motion, **options: None)  # it need not be made
     for spoiled in spoils(trigger("G38.3", 6, 300.0).encode() + b"\n"):
         grbl = GrblController(
             VirtualRobot(cell, truth, np.random.default_rng(0), start=plan.approach[0]), axis_unit_deg=UNIT
@@ -405,7 +409,7 @@ def test_no_bit_and_no_byte_of_a_spoiled_motion_drives_the_tip_astray(cell: Cell
         grbl.alarm = 0
         grbl.feed(said, 0.0)
         grbl.feed(spoiled + b"\n", 0.0)
-        if grbl.robot.moving:
+        if grbl._running is not None:
             taken += 1
             assert np.abs(grbl._planned / unit - target).max() <= 0.9 + 1e-3
             assert grbl.motion.startswith("G38")  # guarded; G38.2 and G38.3 differ after a miss only
