@@ -14,6 +14,7 @@ class Settings:
     retract_speed: float = 250.0  # [mm/s] of the tip, straight back from the contact
     search_speed: float | None = None  # [mm/s]; None: what the cell says
     fast_speed: float | None = None  # [mm/s] of a first, quick search before the one that counts; None: without
+    sure: float = 5.0  # standard deviations of a prediction: what is further off is a surprise
     near: float = 2.0  # [mm] beyond what the prediction may be wrong by, from where on the tip searches
     near_speed: float = 100.0  # [mm/s] of the tip from the approach to there
     back_off: float = 3.0  # [mm] from the quick contact to where the slow search begins
@@ -21,6 +22,9 @@ class Settings:
     misses: int = 3  # touches in a row without a hit that end the run
     further: float = 10.0  # [mm] beyond an approach that the contact is still closed at
     stuck: float = 2.0  # [s] for the sensing signal to clear once the wire is off the face; power sources need 0.5
+    ramp: float = 0.2  # [s] from rest to full joint speed, and back
+    rest: float = 0.1  # [s] for the contact to settle once the robot rests on it
+    clears: float = 0.4  # [s] until the sensing signal clears: power sources hold it 0.3 to 0.5 s
     stop_time: float = 0.25  # [s] from the latch to standing still, at search speed
     arrived: float = 0.02 * DEG  # [rad], [deg] read as [mm] of a sliding joint: how close is there
     off_line: float = 0.01 * DEG  # [rad], how far a latch may lie off the commanded line

@@ -8,13 +8,10 @@ from jaxtyping import Float, Int
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
+from probe.motion.settings import Settings
 
-MOVE_SPEED = 500.0  # [mm/s] of the tip between touches, at the most
-RETRACT_SPEED = 250.0  # [mm/s] of the tip, back from the contact
-NEAR_SPEED = 100.0  # [mm/s] of the tip, from the approach to where the search begins
-OFF, NEAR = 5.0, 3.0  # times what a contact may be off, and [mm] more, before it: where the search begins
-RAMP = 0.2  # [s] from rest to full joint speed, and back
-SETTLE = 0.5  # [s] to rest on the contact, and for the sensing signal to clear: power sources hold it 0.3 to 0.5 s
+USUAL = Settings()
+RAMP = USUAL.ramp  # [s]
 KICKS = 5000  # a tour of 50 places is broken at random and repaired 100 times, one of 100 places 50 times
 DETOUR = 60.0  # [s], what a way that is not clear costs: more than any that is
 BOUND = 1e4  # [s], what binds the beginning of a tour to its end
@@ -55,21 +52,25 @@ def travel(cell: Cell, q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray
     return np.abs((q[:, None] - q[None]) / cell.robot.speed).max(axis=2)
 
 
-def minutes(cell: Cell, plan: Plan, off: Float[np.ndarray, " touches"] | None = None) -> float:
+def minutes(
+    cell: Cell, plan: Plan, off: Float[np.ndarray, " touches"] | None = None, settings: Settings = USUAL
+) -> float:
     """What the touches of a plan take in their order: travel, search, retract and the wait for the signal to clear.
 
     `off` is how far each contact may be from where those before it predict it [mm, 1 sigma]: the search begins that
     near. Without it, and without the way to the first touch.
     """
     path = np.concatenate([plan.way(i) for i in range(len(plan))])[len(plan.way(0)) - 1 :]
-    travelling = seconds(cell, path[:-1], path[1:], MOVE_SPEED).sum()
+    travelling = seconds(cell, path[:-1], path[1:], settings.move_speed).sum()
     off = np.full(len(plan), np.inf) if off is None else off
-    share = np.minimum((OFF * off + NEAR) / cell.touch.approach, 1.0)[:, None]  # of the way that is searched
+    searched = settings.sure * off + settings.disagreement + settings.near  # [mm]
+    share = np.minimum(searched / cell.touch.approach, 1.0)[:, None]
     near = plan.q + share * (plan.approach - plan.q)
-    nearing = seconds(cell, plan.approach, near, NEAR_SPEED).sum()
-    searching = seconds(cell, near, plan.q, cell.touch.speed).sum()
-    returning = seconds(cell, plan.q, plan.approach, RETRACT_SPEED).sum()
-    return float((travelling + nearing + searching + returning + SETTLE * len(plan)) / 60)
+    nearing = seconds(cell, plan.approach, near, settings.near_speed).sum()
+    searching = seconds(cell, near, plan.q, settings.search_speed or cell.touch.speed).sum()
+    returning = seconds(cell, plan.q, plan.approach, settings.retract_speed).sum()
+    moving = (travelling + nearing + returning) / settings.override
+    return float((moving + searching + (settings.rest + settings.clears) * len(plan)) / 60)
 
 
 def seconds(

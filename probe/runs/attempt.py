@@ -10,7 +10,6 @@ from probe.runs.records import APPROACH, CONTACT, RETRACTED, Reading
 from probe.runs.retreat import HOPELESS, Joints, Retreat
 
 FUTILE = {"LIMIT", "SYNTAX"}  # a second attempt would be answered alike
-REST = 0.1  # [s] for the contact to settle once the robot rests on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +165,9 @@ class Motion(Retreat):
 
     def _settled(self) -> State:
         """The state of a robot that rests on a contact; the input may bounce at first."""
-        until = self.clock.now() + REST
+        until = self.clock.now() + self.settings.rest
         while not (state := self._state()).contact and self.clock.now() < until:
-            self.clock.sleep(REST / 10)
+            self.clock.sleep(self.settings.rest / 10)
         return state
 
     def _backed_off(self, quick: Contact, target: Target, name: str, back: Joints) -> Target:

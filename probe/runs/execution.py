@@ -234,7 +234,7 @@ class Execution:
         fraction, sigma = self.predictor.first_contact(target.approach, target.end, target.face)
         tips = self.motion.geometry.tip(np.stack([target.approach, target.end]))
         depth = float(target.face.normal @ (tips[0] - tips[1]))  # [mm] of the whole search, along the normal
-        fraction -= (5 * sigma + self.settings.disagreement + self.settings.near) / max(depth, 1e-9)
+        fraction -= (self.settings.sure * sigma + self.settings.disagreement + self.settings.near) / max(depth, 1e-9)
         worth = fraction * target.length > WORTH
         return target.approach + fraction * (target.end - target.approach) if worth else None
 

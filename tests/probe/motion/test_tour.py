@@ -148,3 +148,18 @@ def test_postures_on_the_way_take_their_time(arc_welder):
     there_and_back = minutes(arc_welder, with_via(plan_of(approach), via))
 
     assert 60 * (there_and_back - straight_on) == pytest.approx(2 * (1.0 + 0.2), abs=1e-3)  # [s]
+
+
+def test_promised_minutes_follow_the_speeds_and_waits_of_the_settings(arc_welder):
+    approach, contact = np.zeros((2, 2, 6))
+    approach[:, 5], contact[:, 5] = np.radians([[240.0, 480.0], [600.0, 840.0]])
+    plan = replace(plan_of(approach), q=contact)
+    usual = minutes(arc_welder, plan)
+
+    slower = minutes(arc_welder, plan, None, Settings(override=0.5))
+    patient = minutes(arc_welder, plan, None, Settings(clears=1.4))
+
+    searching = 2 * (1.5 + 0.2) / 60  # at its own speed, whatever the override
+    waiting = 2 * 0.5 / 60
+    assert slower - usual == pytest.approx(usual - searching - waiting)
+    assert patient - usual == pytest.approx(2 / 60)
