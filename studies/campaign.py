@@ -39,7 +39,8 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import Chart, axis, colour, picture
 from identify.uncertainty.calibrated import zone_promise
-from oed.campaigns.campaign import LONGEST, Campaign, Job, campaign
+from oed.campaigns.campaign import LONGEST, campaign
+from oed.campaigns.stages import Campaign, Job
 from oed.planning.plan import COUNT, plan
 from oed.planning.uncertain import plan_under_uncertainty
 from probe.line.controller import TouchError

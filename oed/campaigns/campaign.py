@@ -1,8 +1,7 @@
 """Sequential calibration: touch, identify, plan the next touches with what is known, until the promise is good."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +19,7 @@ from identify.uncertainty.information import Information
 from identify.uncertainty.promise import TipErrors, worst_deviation
 from identify.uncertainty.unknowns import Unknowns
 from oed.campaigns.more_touches import MoreTouches
+from oed.campaigns.stages import Campaign, CampaignStore, Job, NullStore, Stage
 from oed.planning.plan import plan as make_plan
 from oed.planning.uncertain import UncertainEdges, begun, plan_under_uncertainty
 from probe.line.controller import TouchError
@@ -38,90 +38,8 @@ STANDOFF = 15.0  # [mm], of an approach beyond that, on the ways around a jig th
 ARRIVED = (HIT, "miss", "outlier")  # touches that the robot did approach
 
 
-@dataclass(frozen=True, eq=False)
-class Job:
-    """The touches of one stage, and the cell as it is to be touched: what is believed, and how long to search."""
-
-    number: int  # from 1
-    cell: Cell  # with the searches of this stage and the robot as it is believed to be
-    plan: Plan
-    searching: bool  # the robot is so badly known that misses and collisions are to be expected
-    deviation: float  # [mm], of the tip before the stage
-
-
 Touch = Callable[[Job], Touches]
 Planner = Callable[[Cell, int, np.random.Generator, Calibration | None], Plan]
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """One round of the loop."""
-
-    job: Job
-    touches: Touches  # whatever its status
-    calibration: Calibration
-    promised_mm: float | None  # 95 % of the poses, 95 of 100 such robots; None while the touches alone do not suffice
-
-    @property
-    def hits(self) -> int:
-        """Touches that met something."""
-        return sum(status == HIT for status in self.touches.status)
-
-
-@dataclass(frozen=True, eq=False)
-class Campaign:
-    """What a campaign came to."""
-
-    stages: tuple[Stage, ...]
-    target_mm: float
-    reached: bool
-    why: str  # a sentence: why it ended
-
-    @property
-    def touches(self) -> int:
-        """Touches that were tried."""
-        return sum(len(stage.touches) for stage in self.stages)
-
-    @property
-    def calibration(self) -> Calibration:
-        """The last one."""
-        return self.stages[-1].calibration
-
-    @property
-    def promised_mm(self) -> float | None:
-        """The last promise."""
-        return self.stages[-1].promised_mm
-
-
-class Keeper(Protocol):
-    """Remembers stages, so that a campaign that was stopped goes on."""
-
-    def planned(self, number: int) -> tuple[Plan, dict[str, Any]] | None:
-        """The plan of a stage and what was noted with it, if there is one."""
-        ...
-
-    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
-        """Keep a plan before it is touched; the plan as it would be read again."""
-        ...
-
-    def keep_calibration(self, number: int, calibration: Calibration) -> None:
-        """Keep what a stage has found."""
-        ...
-
-
-class Forgetful:
-    """Keeps nothing."""
-
-    def planned(self, number: int) -> tuple[Plan, dict[str, Any]] | None:
-        """There is none."""
-        return None
-
-    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
-        """Hand it back."""
-        return plan
-
-    def keep_calibration(self, number: int, calibration: Calibration) -> None:
-        """Let it go."""
 
 
 def campaign(
@@ -131,7 +49,7 @@ def campaign(
     max_touches: int = 150,
     rng: np.random.Generator,
     touch: Touch,
-    keep: Keeper | None = None,
+    keep: CampaignStore | None = None,
     planner: Planner | None = None,
     batch: int = BATCH,
     tell: Callable[[Stage], None] = lambda stage: None,
@@ -149,7 +67,7 @@ def campaign(
     def carefully(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
         return make_plan(cell, n, rng=rng, after=after, lifting=False, progress=progress).plan
 
-    loop = _Loop(cell, target_mm, max_touches, rng, touch, keep or Forgetful(), planner or carefully, batch)
+    loop = _Loop(cell, target_mm, max_touches, rng, touch, keep or NullStore(), planner or carefully, batch)
     stages = list[Stage]()
     for stage in loop.stages():
         stages.append(stage)
@@ -169,7 +87,7 @@ class _Loop:
     """What a campaign knows while it runs."""
 
     def __init__(
-        self, cell: Cell, target: float, most: int, rng: np.random.Generator, touch: Touch, keep: Keeper,
+        self, cell: Cell, target: float, most: int, rng: np.random.Generator, touch: Touch, keep: CampaignStore,
         planner: Planner, batch: int,
     ) -> None:  # fmt: skip
         self.cell, self.target, self.most, self.rng, self.touch, self.keep = cell, target, most, rng, touch, keep

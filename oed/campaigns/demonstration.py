@@ -26,9 +26,10 @@ from identify.model.touch import Plan, Positions, Touches, joined
 from identify.model.zone import zone_poses
 from identify.report.report import report
 from identify.uncertainty.calibrated import zone_promise
-from oed.campaigns.campaign import SPARE, Campaign, Job, campaign
+from oed.campaigns.campaign import SPARE, campaign
 from oed.campaigns.connection import SIM, Connection
 from oed.campaigns.folder import Folder, only_one, over_port
+from oed.campaigns.stages import Campaign, Job
 from oed.planning.plan import plan as plan_touches
 from oed.planning.uncertain import plan_under_uncertainty
 from probe import Settings

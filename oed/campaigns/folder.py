@@ -17,8 +17,8 @@ from identify.model.io.calibration_file import Calibration, write_calibration
 from identify.model.io.entries import cell_entry
 from identify.model.io.tables import plan_text, read_plan, read_touches
 from identify.model.touch import HIT, Plan, Touches, joined
-from oed.campaigns.campaign import Job
 from oed.campaigns.connection import Connection, Touching
+from oed.campaigns.stages import Job
 from probe import Settings
 from probe.line.controller import InTheWay, TouchError
 from probe.runs.events import Listener, ignore

@@ -9,7 +9,7 @@ from oed.cli.screen.live import Screen
 from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
-    from oed.campaigns.campaign import Campaign, Stage
+    from oed.campaigns.stages import Campaign, Stage
 
 
 def campaign(

@@ -12,9 +12,10 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import summarize
 from identify.model.touch import Plan, joined
 from identify.model.zone import zone_poses
-from oed.campaigns.campaign import Job, campaign
+from oed.campaigns.campaign import campaign
 from oed.campaigns.connection import Connection
 from oed.campaigns.folder import Folder, over_port, touches_of
+from oed.campaigns.stages import Job
 from oed.planning.uncertain import begun, plan_under_uncertainty
 from probe import Settings
 from probe.line.controller import TouchError
