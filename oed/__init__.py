@@ -21,7 +21,7 @@ Its rooms, in the order in which data walks through:
 
 from typing import TYPE_CHECKING
 
-from identify.model.front import front
+from identify.model import front
 
 if TYPE_CHECKING:
     from oed.campaigns.campaign import campaign as campaign

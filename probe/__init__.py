@@ -20,7 +20,7 @@ Its rooms, in the order in which data walks through:
 
 from typing import TYPE_CHECKING
 
-from identify.model.front import front
+from identify.model import front
 
 if TYPE_CHECKING:
     from probe.controllers import open_controller as open_controller

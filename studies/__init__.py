@@ -34,7 +34,7 @@ Its rooms, in the order in which data walks through:
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from identify.model.front import front
+from identify.model import front
 
 if TYPE_CHECKING:
     from studies.engine import Study as Study

@@ -2,7 +2,6 @@
 
 In the order in which data walks through:
 
-    front            the front of a package, loaded when it is asked for
     files            text files: every mistake with its file and line, and nothing half-written
     io               YAML and CSV files and their contents, both ways
     urdf             from a URDF to a robot and its solids
@@ -27,3 +26,23 @@ In the order in which data walks through:
     ik_step          one damped step of inverse kinematics as a compiled function
     ik               inverse kinematics of any robot, calibrated or not, for all targets at once
 """
+
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+
+def front(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of a package that shows names of its modules: a module, and the names in it."""
+    home = {name: f"{package}.{module}" for module, names in modules.items() for name in names.split()}
+
+    def load(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module '{package}' has no attribute '{name}'")
+        return getattr(import_module(home[name]), name)
+
+    def names() -> list[str]:
+        return sorted({*vars(sys.modules[package]), *home})
+
+    return load, names

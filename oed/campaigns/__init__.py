@@ -2,6 +2,7 @@
 
 In the order in which data walks through:
 
+    more_touches   what more touches would promise, and how many a target takes
     campaign       the loop: touch, identify, plan the next touches, until the promise is good
     stages         the stages of a campaign, and the store that keeps them
     more_touches   what more touches like those that were made would promise

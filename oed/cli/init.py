@@ -59,9 +59,7 @@ def init(
     force
         Overwrite a cell.yaml that is there already.
     """
-    from identify.model.io.tables import POINT, joint_columns
     from identify.model.io.template import cell_text
-    from identify.pendant import EULER
 
     if (directory / "cell.yaml").exists() and not force:
         raise InputError(f"{directory / 'cell.yaml'} is there already; choose another folder, or say --force")
@@ -78,13 +76,20 @@ def init(
     if block_file is not None and block_file.resolve() != (directory / block_file.name).resolve():
         write_bytes(directory / block_file.name, read_bytes(block_file))
     write_text(directory / "cell.yaml", cell_text(cell, words, block_source, notes, SCHEMA))
-    write_text(directory / SCHEMA, dumps(schema_of("cell"), indent=1) + "\n")
-    header = ["id", *joint_columns(described), *POINT, *EULER]
-    write_text(directory / "pendant.csv", ",".join(header) + "\n")
+    _write_beside(directory, described)
     print(
         f"wrote {directory}: measure base and tool in cell.yaml, read a few poses off the pendant into pendant.csv,\n"
         f"then: touchcal check --cell {directory / 'cell.yaml'} --pendant {directory / 'pendant.csv'}"
     )
+
+
+def _write_beside(directory: Path, robot: "Robot") -> None:
+    """The schema of the cell, and an empty table of poses."""
+    from identify.model.io.tables import POINT, joint_columns
+    from identify.pendant import EULER
+
+    write_text(directory / SCHEMA, dumps(schema_of("cell"), indent=1) + "\n")
+    write_text(directory / "pendant.csv", ",".join(["id", *joint_columns(robot), *POINT, *EULER]) + "\n")
 
 
 def _robot(
