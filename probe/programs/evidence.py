@@ -118,7 +118,9 @@ class _Judge:
             return "miss", f"nothing met within {target.length:.1f} mm of search"
         rate = self.geometry.search_rate(target, self.geometry.search_speed)
         intent = Intent("search", target.id, "", 0, target.approach, target.end, target.approach, rate)
-        (latch, off), (rest, _) = (self._on_search(target, q) for q in (entry.latch, entry.rest))
+        met = entry.code != CLOSED  # without a search there is no latch
+        latches = (entry.latch, entry.rest) if met else (target.approach, target.approach)
+        (latch, off), (rest, _) = (self._on_search(target, q) for q in latches)
         seen = _observations(entry.code, target, rest)
         contact = RobotContact(latch, rest, "", 0)
         if why_not := off or objection(contact, intent, seen, self.geometry) or unconfirmed(seen, intent):

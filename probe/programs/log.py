@@ -88,6 +88,8 @@ def read_lines(path: Path, lines: Sequence[str], to_joints: Callable[[Joints], J
             joints[words[0], number] = to_joints(np.array([float(word) for word in words[width:]]))
             if words[0] == "t":
                 codes[number] = int(words[2]), line
+        except InputError:
+            raise
         except (ValueError, KeyError):
             text = f"found '{content[:60]}', expected 't' or 'r', a number and {JOINTS} joints"
             raise fault(

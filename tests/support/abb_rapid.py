@@ -174,7 +174,7 @@ class AbbRapid:
             "CJointT": lambda: Target(robax=machine.counts),
             "CRobT": lambda: Target(pose=machine.pose(machine.counts)),
             "CalcRobT": lambda j: Target(pose=machine.pose(np.array(j[0]))),
-            "CalcJointT": lambda p: Target(robax=np.degrees(machine.solve(*p.pose, machine.robot.q))),
+            "CalcJointT": lambda p: Target(robax=machine.shown(machine.solve(*p.pose, machine.robot.q))),
             "DInput": lambda signal: int(machine.closed),
             "NumToStr": lambda value, decimals: f"{np.float32(value):.{decimals}f}",
             "AsText": lambda joints: self.call("AsText", [_Robax(joints)]),

@@ -82,12 +82,13 @@ def execute(maker: str, machine: Machine, files: dict[str, str]) -> dict[str, st
     return back
 
 
-def make(bench: Bench, maker: str, folder, options: Options, **faults) -> Made:
-    """Plan to program to interpreter to import."""
+def make(bench: Bench, maker: str, folder, options: Options, *, only: str = "", stuck: bool = False, **faults) -> Made:
+    """Plan to program to interpreter to import; `only` the logs of one file, the input `stuck` from the start."""
     files = program(bench.plan, bench.cell, maker, options)
     robot = bench.robot(**faults)
+    robot.health.stuck = stuck
     machine = Machine(robot)
-    logs = execute(maker, machine, files)
+    logs = {name: text for name, text in execute(maker, machine, files).items() if only in name}
     paths = []
     for name, text in logs.items():
         paths.append(folder / name)

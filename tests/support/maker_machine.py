@@ -77,10 +77,13 @@ class Machine:
 
     @property
     def counts(self) -> np.ndarray:
-        return np.degrees(self.robot.q)
+        return self.cell.robot.to_controller(self.robot.q)
 
     def q(self, counts) -> np.ndarray:
-        return np.radians(np.asarray(counts, dtype=float))
+        return self.cell.robot.from_controller(np.asarray(counts, dtype=float))
+
+    def shown(self, q) -> np.ndarray:
+        return self.cell.robot.to_controller(q)
 
     # time, and the input
 
@@ -166,7 +169,7 @@ class Machine:
     def _latch(self, outcome):
         if outcome.kind != CONTACT:
             return None
-        self.latches.append(np.degrees(outcome.q))
+        self.latches.append(self.cell.robot.to_controller(outcome.q))
         return self.latches[-1]
 
     # the controller's kinematics: those of the drawing, the tip in the jig frame

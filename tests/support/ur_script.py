@@ -52,7 +52,8 @@ class UrScript:
         robot = self.machine.robot
         robot.new_search()
         self.tripped, self.contacts = False, len(robot.touches)
-        outcome = robot.begin(SEARCH, np.asarray(q), float(np.abs(q - robot.q).max()) / t, watch=False)
+        end = self.machine.q(np.degrees(q))
+        outcome = robot.begin(SEARCH, end, float(np.abs(end - robot.q).max()) / t, watch=False)
         assert outcome is None, outcome
 
     def sync(self):
@@ -61,7 +62,7 @@ class UrScript:
         outcome = robot.advance(robot.expected[1])
         if len(robot.touches) > self.contacts:
             self.tripped = True
-            self.machine.latches.append(np.degrees(robot.touches[-1].latch))
+            self.machine.latches.append(self.machine.counts)
         elif outcome is not None:
             self._resume()
 
@@ -101,7 +102,7 @@ class UrScript:
         return self.tripped if self.machine.robot.moving else self.machine.closed
 
     def get_actual_joint_positions(self):
-        return self.machine.robot.q.copy()
+        return np.radians(self.machine.counts)
 
     def popup(self, text, title="", blocking=False):
         assert blocking
