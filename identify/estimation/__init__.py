@@ -9,6 +9,8 @@ In the order in which data walks through:
     ipopt             Ipopt for many unknowns, compiled once a size
     least_squares     weighted, robust nonlinear least squares with priors
     robust            measurements that agree, and the noise
+    starts            starts that survive gross errors and wrong face names
+    faces             faces off their places, and a jig worse than its tolerance
     folds             regions of space to hold out
     selection         which joint errors the touches show
     discrepancy       how large joint errors and noise are on this arm, by regions left out, averaged
@@ -16,5 +18,6 @@ In the order in which data walks through:
     face_association  the most probable robot while the touches alone do not determine it
     diagnosis         causes that residuals show: joints read too early, drift, a wire cut between touches
     calibrate         from touches to a Calibration
+    verdict           whether a calibration may be used, and what to do if not
     verification      errors where the fit has not looked
 """

@@ -8,23 +8,26 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.estimation.diagnosis import diagnose
+from identify.estimation.faces import face_findings, with_jig_as_it_is
 from identify.estimation.folds import regions
 from identify.estimation.gauge import gauge_words, require_scale
 from identify.estimation.joint_errors import JointErrors, with_joint_errors
 from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, estimate, scatter
 from identify.estimation.selection import select, with_errors
-from identify.model.cell import Cell
-from identify.model.io.calibration_file import (
+from identify.estimation.starts import Label, labels, survivor
+from identify.model.calibration import (
     Calibration,
     Discrepancy,
     Finding,
     Residual,
     SharedValue,
     Term,
+    coordinates,
     fingerprints,
     summarize,
 )
+from identify.model.cell import Cell
 from identify.model.measurement import Measured, Rows, equations
 from identify.uncertainty.unknowns import Unknowns
 
@@ -63,10 +66,12 @@ def calibrate(
         problem = Problem.pose(cell, whole, loss, priors)
         start = start if not selection.errors else None  # of another robot
     found = estimate(problem, start)
+    if parameters == "all":
+        problem, found = with_jig_as_it_is(*survivor(problem, found, measured))
     if not problem.is_stationary(found.x, found.weight):
         x = problem.theta(found.x)
         problem = problem.complete()
-        found = estimate(problem, x)
+        found = estimate(problem, x, found.used)
     problem.require_rank(found.x, found.weight, "at the solution")
     require_scale(problem.unknowns, problem.unknown(found.x), problem.rows)
     fit = _Fit(problem, found, choice)
@@ -76,7 +81,8 @@ def calibrate(
         last = replace(last, iterations=found.iterations, seconds=found.seconds)
         fit = _Fit(full, last, joint_errors.selection.terms, joint_errors)
     held_out = fit.held_out(folds, rng)
-    return _calibration(problem, fit, held_out, measured, inputs or {})
+    wrong = labels(problem, found, whole) if parameters == "all" else ()
+    return _calibration(problem, fit, held_out, measured, whole, wrong, inputs or {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +138,8 @@ def _calibration(
     fit: _Fit,
     held_out: Float[np.ndarray, " measured"] | None,
     measured: tuple[Measured, ...],
+    recorded: Rows,
+    wrong: tuple[Label, ...],
     inputs: Mapping[str, str],
 ) -> Calibration:
     problem, found = fit.problem, fit.estimate
@@ -142,7 +150,8 @@ def _calibration(
     unit = dict(zip(names, problem.cell.robot.parameter_unit(), strict=True))
     combinations = {} if problem.structure is None else problem.structure.combinations
     deviation, significant = scatter(problem, found)
-    return Calibration(
+    seen = coordinates(problem.cell, problem.theta(found.x), problem.rows.q[found.used])
+    calibration = Calibration(
         cell=problem.cell,
         theta=problem.theta(found.x),
         start=_start(geometry, problem),
@@ -162,13 +171,25 @@ def _calibration(
         fit=summarize(problem.rows.take(found.used).distances(residual[found.used])),
         held_out=None if held_out is None else summarize(held_out),
         residuals=_residuals(problem.rows, geometry.before, residual, found.used),
-        fingerprints=frozenset(fingerprints(problem.rows.q, problem.rows.offset[:, None])),
+        fingerprints=frozenset(fingerprints(recorded.q, recorded.offset[:, None])),
         iterations=found.iterations,
         solve_s=found.seconds,
         choice=fit.choice,
-        findings=(*diagnose(problem, found, measured), *_frames(geometry)),
+        findings=(*_wrong_faces(wrong), *diagnose(problem, found, measured), *_frames(geometry)),
         inputs=dict(inputs),
+        spans={name: (float(value.min()), float(value.max())) for name, value in seen.items()},
     )
+    return replace(calibration, findings=(*face_findings(calibration), *calibration.findings))
+
+
+def _wrong_faces(wrong: tuple[Label, ...]) -> Iterator[Finding]:
+    for label in wrong:
+        yield Finding(
+            "wrong face",
+            f"touch {label.touch} is recorded on '{label.recorded}', {abs(label.off):.1f} mm from where its tip was, "
+            f"and lies on '{label.face}': it was used there; correct its face in the file",
+            (label.touch,),
+        )
 
 
 def _frames(problem: Problem) -> tuple[Finding, ...]:

@@ -21,7 +21,8 @@ LOOSE, GEOMETRY, ERROR = 0, 1, 2  # kinds of unknowns: without a prior, of the d
 CUT = 0.35  # share of the rows that a fold predicts
 CAP = 25.0  # squared errors beyond it count no more, in variances
 CERTAIN = 10.0  # degrees of freedom that the stated sigma is worth
-EVIDENCE = 0.7  # independent predictions that n rows are worth: so many times the root of n
+EVIDENCE = 0.135, 0.8  # independent predictions that n rows are worth: factor and exponent of n
+FEW = 10  # rows up to which the stated sigma counts in full
 BOOTSTRAPS = 100
 NEGLIGIBLE = 2e-3  # weight of a model that is left out of the average
 ENOUGH = 3000  # rows that choose the factors; all rows make the estimate
@@ -102,11 +103,12 @@ def average(linear: Linear, folds: Sequence[Bool[np.ndarray, " rows"]]) -> Model
     """Weights of the models by how well they predict the rows of each fold from the others."""
     score = np.stack([_fold_scores(*parts) for parts in _without(linear, folds)])
     rows = len(linear.y)
-    evidence = EVIDENCE * np.sqrt(rows)
+    evidence = EVIDENCE[0] * rows ** EVIDENCE[1]
     structure, noise = _log_priors()
     share = np.random.default_rng(0).dirichlet(np.ones(len(score)), BOOTSTRAPS)
     # every row says something of the noise, but few predictions are independent of each other
-    total = evidence * (share @ score.reshape(len(score), -1)) + (structure + noise * evidence / rows).ravel()
+    stated = max(evidence / rows, min(1.0, FEW / rows))
+    total = evidence * (share @ score.reshape(len(score), -1)) + (structure + noise * stated).ravel()
     weight = np.exp(total - total.max(axis=1, keepdims=True))
     weight = (weight / weight.sum(axis=1, keepdims=True)).mean(axis=0)
     return Models(weight.reshape(structure.shape))

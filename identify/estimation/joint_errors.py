@@ -6,13 +6,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.estimation.discrepancy import ENOUGH, ERROR, GEOMETRY, LOOSE, Linear, Models, Posterior, average, folds
-from identify.estimation.problem import Problem
+from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, limit
 from identify.estimation.selection import FREE, Extended, Selection, extend, relinearized
 from identify.model.cell import Cell
 from identify.model.errors import ERROR_MODELS
 from identify.model.measurement import Rows
 
+LEAST = 0.5  # share of the rows that has to agree
 ROUNDS = 3  # of outliers found and left out
 
 
@@ -63,6 +64,7 @@ def with_joint_errors(problem: Problem, found: Estimate, rng: np.random.Generato
     extended = extend(problem, found.x, shown(problem.cell, problem.rows))
     unit = extended.unit()
     used = unit > 0 if problem.loss != "linear" else np.ones(len(unit), dtype=bool)
+    _require_agreement(used)
     selection = extended.selection(np.where(used, np.maximum(unit, 1e-9), 0.0), rng)
     tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(found.x))[0]
     for _ in range(ROUNDS):
@@ -74,8 +76,19 @@ def with_joint_errors(problem: Problem, found: Estimate, rng: np.random.Generato
         if np.array_equal(agreeing, used):
             break
         used = agreeing
+        _require_agreement(used)
     extended = relinearized(extended, _moved(extended, posterior))
     return JointErrors(extended, models, models.posterior(_linear(extended).take(used)), used, selection)
+
+
+def _require_agreement(used: Bool[np.ndarray, " rows"]) -> None:
+    """Raise CalibrationFailed if most of the rows contradict each other."""
+    if used.mean() < LEAST:
+        raise CalibrationFailed(
+            f"no robot near the drawing explains more than {100 * used.mean():.0f} % of the measurements; no "
+            "parameters given. Check the sign and the zero of every joint, the units of every column, the names of "
+            "the faces, and that a file holds one target"
+        )
 
 
 def shown(cell: Cell, rows: Rows) -> tuple[str, ...]:

@@ -27,11 +27,18 @@ class Estimate:
     seconds: float
 
 
-def estimate(problem: Problem, start: Float[np.ndarray, " parameters"] | None = None) -> Estimate:
-    """The estimate of a problem from a start, or from its own; raises CalibrationFailed if Ipopt does not converge."""
+def estimate(
+    problem: Problem,
+    start: Float[np.ndarray, " parameters"] | None = None,
+    used: Bool[np.ndarray, " rows"] | None = None,
+) -> Estimate:
+    """The estimate of a problem from a start, or from its own; raises CalibrationFailed if Ipopt does not converge.
+
+    With `used`, rows that agree with each other, the others join them as far as they agree: no robust loss is needed.
+    """
     fit = _Fit(problem)
     x = np.zeros(problem.size) if start is None else problem.coordinates(start)
-    return fit.estimate(x)
+    return fit.estimate(x) if used is None else fit.grown(x, used)
 
 
 def limit(rows: int) -> float:
@@ -71,7 +78,25 @@ class _Fit:
             if np.array_equal(agreeing, used):
                 break
             used = agreeing
-        noise = 1.0
+        return self._finished(solutions, used, weighed)
+
+    def grown(self, x: Float[np.ndarray, " size"], used: Bool[np.ndarray, " rows"]) -> Estimate:
+        """Least squares on rows that agree with each other, and on all that agree with these."""
+        solutions, weight = list[Solution](), 1 / self.rows.sigma
+        for _ in range(2 * ROUNDS):
+            solutions.append(self.problem.solve(x, weight * used, "linear"))
+            x = solutions[-1].x
+            agreeing = self._agreeing(x, weight * used / max(self.noise(x, used), 1.0), weight)
+            if np.array_equal(agreeing, used):
+                break
+            used = agreeing
+        return self._finished(solutions, used, weight * used)
+
+    def _finished(
+        self, solutions: list[Solution], used: Bool[np.ndarray, " rows"], weighed: Float[np.ndarray, " rows"]
+    ) -> Estimate:
+        """The estimate on these rows with the noise that sigma and residuals say together."""
+        problem, weight, noise = self.problem, 1 / self.rows.sigma, 1.0
         for _ in range(2):  # the noise sets how much the priors weigh, and the priors change the noise a little
             noise = self.noise(solutions[-1].x, used)
             final = weight * used / noise
@@ -123,20 +148,28 @@ class _Fit:
         freedom = max(self.freedom(x, used / self.rows.sigma), 1)
         return max(1.0, 1.4826 * float(np.median(np.abs(r))) * np.sqrt(len(r) / freedom))
 
-    def _agreeing(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
-        """Rows of touches whose residual is within what chance makes of a good touch, leverage considered."""
-        return (self._sizes(x, weight) <= self.limit)[self.rows.owner]
+    def _agreeing(
+        self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"],
+        judged: Float[np.ndarray, " rows"] | None = None,
+    ) -> Bool[np.ndarray, " rows"]:  # fmt: skip
+        """Rows of touches whose residual is within what chance makes of a good touch, leverage considered.
+
+        If rows without weight are `judged` as well, by the weights that they would have, they are predictions.
+        """
+        return (self._sizes(x, weight, judged=judged) <= self.limit)[self.rows.owner]
 
     def _sizes(
         self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"],
-        residual: Float[np.ndarray, " rows"] | None = None,
+        residual: Float[np.ndarray, " rows"] | None = None, judged: Float[np.ndarray, " rows"] | None = None,
     ) -> Float[np.ndarray, " measured"]:  # fmt: skip
         """The largest residual of each touch in units of what chance makes of a good one, leverage considered."""
+        scale = weight if judged is None else np.where(weight > 0, weight, judged * weight.max() / judged.max())
         C, size = self.problem.covariance(x, weight), np.empty(len(self.rows))
         for part, r, J in self.problem.linearized(x):
-            w = weight[part]
+            w = scale[part]
             leverage = w**2 * ((J @ C) * J).sum(axis=1)
-            size[part] = np.abs(r if residual is None else residual[part]) * w / np.sqrt(np.clip(1 - leverage, 0.05, 1))
+            own = np.where(weight[part] > 0, np.clip(1 - leverage, 0.05, 1), 1 + leverage)
+            size[part] = np.abs(r if residual is None else residual[part]) * w / np.sqrt(own)
         worst = np.zeros(len(self.rows.ids))
         np.maximum.at(worst, self.rows.owner, size)
         return worst

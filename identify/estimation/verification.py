@@ -6,11 +6,14 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimation.problem import with_face_scatter
+from identify.model.calibration import Calibration, Errors, coordinates, fingerprints, summarize
 from identify.model.files import InputError
-from identify.model.io.calibration_file import Calibration, Errors, fingerprints, summarize
 from identify.model.measurement import Measured, Rows, measurement_model, rows
+from identify.model.zone import zone_poses
 from identify.uncertainty.promise import ROBOTS, SHARE
 from identify.uncertainty.unknowns import Unknowns
+
+SLACK = 0.02  # of the range of the data, beyond which a pose lies where there was none
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,8 @@ class Verification:
     nominal: Errors
     identified: Errors
     promised_p95_mm: float  # 95 of 100 robots stay below it at 95 % of these poses, sensor and jig included
+
+    beyond: tuple[str, ...] = ()  # where poses lie beyond the data of the fit, most of them first
 
     @property
     def kept(self) -> bool:
@@ -40,7 +45,28 @@ def verify(calibration: Calibration, *measured: Measured) -> Verification:
     root = (J @ vector) * np.sqrt(np.maximum(value, 0.0))
     stated = found if calibration.shared else with_face_scatter(calibration.cell, found)
     promised = _promised(root, stated.sigma * calibration.noise, found)
-    return Verification(summarize(found.distances(before)), summarize(found.distances(r)), promised)
+    nominal, identified = summarize(found.distances(before)), summarize(found.distances(r))
+    return Verification(nominal, identified, promised, beyond(calibration, found.q))
+
+
+def beyond(calibration: Calibration, q: Float[np.ndarray, "poses joints"]) -> tuple[str, ...]:
+    """Joint and tip coordinates in which poses lie beyond the data of a calibration, with their share of the poses."""
+    places = list[tuple[float, str]]()
+    for name, value in coordinates(calibration.cell, calibration.theta, q).items():
+        low, high = calibration.spans.get(name, (-np.inf, np.inf))
+        slack = SLACK * (high - low) if np.isfinite(high - low) else 0.0
+        axis, unit = name.split()
+        for side, out, end in (("below", value < low - slack, low), ("above", value > high + slack, high)):
+            if out.any():
+                places.append((float(out.mean()), f"{axis} {side} {end:.0f} {unit}: {100 * out.mean():.0f} %"))
+    return tuple(text for _, text in sorted(places, reverse=True))
+
+
+def beyond_in_zone(calibration: Calibration) -> tuple[str, ...]:
+    """Where in the weld zone the fit had no data; nothing for a cell without zone and jig."""
+    if calibration.cell.zone is None and calibration.cell.jig is None:
+        return ()
+    return beyond(calibration, zone_poses(calibration.cell, calibration.theta))
 
 
 def predicted(

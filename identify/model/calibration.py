@@ -11,6 +11,8 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 
+FACE = "face."  # before the name of a face in the name of its offset
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -106,6 +108,7 @@ class Calibration:
     )
     discrepancy: Discrepancy | None = None  # None: of a file of the first version
     promise: Mapping[str, float] | None = None  # rms_mm and p95_mm in the weld zone; None if there is no zone
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # where data was: joints and tip, file units
 
     @cached_property
     def index(self) -> list[int]:
@@ -154,6 +157,16 @@ class Calibration:
         """Covariance of the tip position at poses [mm^2]."""
         J = self.cell.kinematics.tip_jacobian(q, self.theta)[1][:, :, self.index]
         return J @ self.covariance @ J.transpose(0, 2, 1)
+
+
+def coordinates(
+    cell: Cell, theta: Float[np.ndarray, " parameters"], q: Float[np.ndarray, "rows joints"]
+) -> dict[str, Float[np.ndarray, " rows"]]:
+    """Joint values and tip positions in file units, by name."""
+    tip = cell.kinematics.tip(q, theta)[0]
+    joints = zip(cell.robot.joints, (q / cell.robot.joint_unit()).T, strict=True)
+    names = {f"{joint.name} {'mm' if joint.prismatic else 'deg'}": value for joint, value in joints}
+    return names | {f"{axis} mm": value for axis, value in zip("xyz", tip.T, strict=True)}
 
 
 def fingerprints(*columns: Float[np.ndarray, "rows _"]) -> list[str]:

@@ -36,16 +36,16 @@ class Fit:
     priors: bool = True
     """Use the tolerances of the cell file beside the touches (maximum a posteriori)."""
     parameters: Literal["all", "identifiable"] = "all"
-    """identifiable eliminates what touches of the robot on the drawing cannot tell apart: few parameters, each with
-    its name. all estimates every parameter and lets the tolerances tell apart what touches cannot. Take all for a
-    robot that is centimetres off its drawing, where it is worth up to 0.4 mm: axes that are parallel on the drawing
-    are not on the robot. It needs priors that are honest; campaigns always do so."""
+    """all estimates every parameter and every face; the tolerances hold what touches cannot tell apart. identifiable
+    drops the parameters that the drawing makes dependent, as the paper does: fewer numbers, each with its name, but
+    less accurate for a robot far off its drawing."""
     errors: str = "auto"
-    """Joint errors beyond geometry: auto lets the touches choose among harmonics, compliance, backlash, coupling,
-    gear and thermal; names, with commas between them, take these; none takes none; cell those of the cell file."""
+    """Joint errors beyond geometry: auto estimates all of them, as large as they predict regions left out best; names,
+    with commas between them, take these; none takes none; cell those of the cell file."""
 
 
 USUAL = Fit()
+WEAK = 12  # names that are listed
 
 
 def identify(
@@ -55,6 +55,7 @@ def identify(
     fit: Fit = USUAL,
     seed: Seed = 0,
     trust_units: TrustUnits = False,
+    keep: bool = False,
     json: Json = False,
 ) -> None:
     """Identify the parameters that put every touch on its face.
@@ -64,7 +65,7 @@ def identify(
 
         touchcal identify touches.csv positions.csv -o calibration.json
 
-        touchcal identify touches.csv --parameters all
+        touchcal identify touches.csv --errors none
 
     Parameters
     ----------
@@ -72,8 +73,11 @@ def identify(
         touches.csv and positions.csv files, one or more.
     output
         Where the identified robot is written.
+    keep
+        Write the calibration even if it must not be used.
     """
-    from identify.estimation.calibrate import calibrate
+    from identify.estimation.calibrate import CalibrationFailed, calibrate
+    from identify.estimation.verdict import hypotheses, promised, refusals
     from identify.model.files import InputError
     from identify.model.io.calibration_file import write_calibration
 
@@ -81,22 +85,29 @@ def identify(
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
     described = _with_errors(load_cell(cell), fit.errors)
     measured, inputs = read_measured(files, described, trust_units)
-    with progress(not json, "identifying"):
-        found = calibrate(
-            described,
-            *measured,
-            loss=fit.loss,
-            priors=fit.priors,
-            parameters=fit.parameters,
-            errors="auto" if fit.errors == "auto" else "cell",
-            rng=np.random.default_rng(seed),
-            inputs=inputs,
-        )
-    write_calibration(output, found)
+    try:
+        with progress(not json, "identifying"):
+            found = calibrate(
+                described, *measured, loss=fit.loss, priors=fit.priors, parameters=fit.parameters,
+                errors="auto" if fit.errors == "auto" else "cell", rng=np.random.default_rng(seed), inputs=inputs,
+            )  # fmt: skip
+    except CalibrationFailed as error:
+        causes = "; ".join(f"{finding.kind}: {finding.text}" for finding in hypotheses(described, measured))
+        raise CalibrationFailed(f"{error}. {causes}" if causes else str(error)) from None
+    found = replace(found, promise=promised(found))
+    reasons = refusals(found)
+    if reasons:
+        found = replace(found, findings=(*hypotheses(described, measured), *found.findings))
+    written = keep or not reasons
+    if written:
+        write_calibration(output, found)
     if json:
-        print_json(summary(found))
+        print_json(summary(found) | {"refused": list(reasons)})
     else:
-        print(story(found, output))
+        print(story(found, output if written else None))
+    if reasons:
+        kept = f"{output} was written all the same" if keep else "nothing was written; --keep writes it all the same"
+        raise CalibrationFailed(f"this calibration must not be used: {'; '.join(reasons)}. {kept}")
 
 
 def _with_errors(cell: "Cell", errors: str) -> "Cell":
@@ -128,6 +139,9 @@ def summary(c: "Calibration") -> dict[str, Any]:
         "choice": [asdict(term) for term in c.choice],
         "findings": [asdict(finding) for finding in c.findings],
         "scatter": c.scatter,
+        "discrepancy": None if c.discrepancy is None else asdict(c.discrepancy),
+        "faces": {s.name.removeprefix("face."): s.value for s in c.shared if s.unit == "mm" and s.name[:5] == "face."},
+        "promise": None if c.promise is None else dict(c.promise),
         "fit": asdict(c.fit),
         "held_out": None if c.held_out is None else asdict(c.held_out),
         "ladder": {rung.way: asdict(rung.errors) for rung in ladder(c)},
@@ -136,9 +150,10 @@ def summary(c: "Calibration") -> dict[str, Any]:
     }
 
 
-def story(c: "Calibration", output: Path) -> str:
-    """The result as a person reads it."""
+def story(c: "Calibration", output: Path | None) -> str:
+    """The result as a person reads it; no `output` if nothing was written."""
     from identify.model.io.calibration_file import summarize
+    from identify.uncertainty.promise import Promise
 
     before = summarize(np.array([r.before_mm for r in c.residuals.values() if r.used]))
     lines = [
@@ -151,14 +166,17 @@ def story(c: "Calibration", output: Path) -> str:
         *_scatter(c),
         *(f"{finding.kind}: {finding.text}" for finding in c.findings),
         *_listed("left out, they disagree", [f"{name} ({r:+.2f} mm)" for name, r in c.outliers.items()]),
-        *_listed("weak, the tolerances tell more", c.weak),
+        *_listed("weak, the tolerances tell more", c.weak if len(c.weak) <= WEAK else []),
+        *_listed("weak, the tolerances tell more of", [f"{len(c.weak)} unknowns"] if len(c.weak) > WEAK else []),
         *_listed("eliminated", [_carried(name, terms) for name, terms in c.combinations.items()]),
         "",
         *_parameters(c),
         "",
         *ladder_lines(c),
-        f"wrote {output}; an accuracy comes from touches not used here: touchcal verify {output} FILE",
+        *_listed("promise for the zone", [] if c.promise is None else [str(Promise(**c.promise))]),
     ]
+    if output is not None:
+        lines += [f"wrote {output}; an accuracy comes from touches not used here: touchcal verify {output} FILE"]
     return "\n".join(lines)
 
 
@@ -178,6 +196,12 @@ def _choice(c: "Calibration") -> list[str]:
     ]
     kept = ", ".join(c.cell.robot.errors)
     told = f"errors: [{kept}] in cell.yaml makes plans see them" if kept else "the touches ask for nothing more"
+    sizes = c.discrepancy
+    if sizes is not None and not c.combinations:
+        told = (
+            f"all of them are estimated, {sizes.errors:.2g} times as large as usual, the geometry {sizes.geometry:.2g} "
+            f"times its tolerances, the noise {sizes.noise:.2g} times the stated sigma; {told}"
+        )
     return [*lines, told, ""]
 
 

@@ -21,6 +21,7 @@ def verify(calibration: Path, *files: Path, trust_units: TrustUnits = False, jso
     files
         touches.csv or positions.csv files that were not used.
     """
+    from identify.estimation.verification import beyond_in_zone
     from identify.estimation.verification import verify as verify_measured
     from identify.model.io.calibration_file import read_calibration
 
@@ -31,9 +32,16 @@ def verify(calibration: Path, *files: Path, trust_units: TrustUnits = False, jso
     found = verify_measured(identified, *measured)
     if json:
         print_json(
-            asdict(found.identified) | {"promised_p95_mm": found.promised_p95_mm, "nominal": asdict(found.nominal)}
+            asdict(found.identified)
+            | {"promised_p95_mm": found.promised_p95_mm, "kept": found.kept, "nominal": asdict(found.nominal)}
+            | {"beyond": list(found.beyond), "beyond_in_zone": list(beyond_in_zone(identified))}
         )
         return
     print(errors_table({"nominal robot": found.nominal, "identified robot, unseen": found.identified}))
-    kept = "kept" if found.identified.p95_mm <= 1.1 * found.promised_p95_mm else "NOT kept"
-    print(f"promised 95 %: {found.promised_p95_mm:.3f} mm (touch and jig scatter included), {kept}")
+    kept = "kept" if found.kept else "NOT kept"
+    print(f"promised 95 %: {found.promised_p95_mm:.3f} mm (sensor and jig included), {kept}")
+    if found.beyond:
+        print(f"of these poses, beyond the data of the fit: {'; '.join(found.beyond)}")
+    without = beyond_in_zone(identified)
+    if without:
+        print(f"of the zone, beyond the data of the fit: {'; '.join(without)}")

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from identify.model.calibration import (
+    FACE,
     Calibration,
     Discrepancy,
     Errors,
@@ -27,7 +28,6 @@ from identify.model.io.entries import cell_entry, cell_from_entry
 __all__ = ["Calibration", "Discrepancy", "Errors", "Finding", "Residual", "SharedValue", "Term", "calibration_entry",
            "fingerprints", "read_calibration", "summarize", "write_calibration"]  # fmt: skip
 FORMAT = 2  # of calibration.json; a file without a number is of the first version
-FACE = "face."  # before the name of a face in the name of its offset
 UNITS = {"mm": 1.0, "deg": np.pi / 180}
 
 
@@ -85,6 +85,7 @@ class _File(_Strict):
     shared: list[_Shared] = []
     discrepancy: Discrepancy | None = None
     promise: dict[str, float] | None = None
+    spans: dict[str, tuple[float, float]] = {}
 
 
 def write_calibration(path: Path, calibration: Calibration) -> None:
@@ -116,6 +117,7 @@ def calibration_entry(c: Calibration) -> dict[str, Any]:
         **_shared_entry(c, np.sqrt(np.diag(C))[len(c.estimated) :]),
         "discrepancy": None if c.discrepancy is None else asdict(c.discrepancy),
         "promise": None if c.promise is None else dict(c.promise),
+        "spans": {name: list(span) for name, span in c.spans.items()},
         "scatter": c.scatter,
         "scatter_significant": c.scatter_significant,
         "fit": asdict(c.fit),
@@ -177,7 +179,7 @@ def read_calibration(path: Path) -> Calibration:
             SharedValue(s.name, s.unit, s.value * UNITS[s.unit], s.prior * UNITS[s.unit]) for s in file.shared
         ),
         shared_covariance=covariance[len(own) :],
-        discrepancy=file.discrepancy, promise=file.promise,
+        discrepancy=file.discrepancy, promise=file.promise, spans=file.spans,
         scatter=file.scatter, scatter_significant=file.scatter_significant, weak=tuple(file.weak),
         outliers=file.outliers, fit=file.fit, held_out=file.held_out, residuals=file.residuals,
         fingerprints=frozenset(file.fingerprints), iterations=file.iterations, solve_s=file.solve_s,

@@ -1,0 +1,162 @@
+"""Starts that survive gross errors and wrong face names: trimmed fits, and hypotheses on which face a touch met."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from identify.estimation.face_association import believe
+from identify.estimation.problem import CalibrationFailed, Problem
+from identify.estimation.robust import Estimate, estimate
+from identify.model.cell import Cell
+from identify.model.measurement import Measured, Rows, equations
+from identify.model.touch import Touches
+
+SUSPECT = 2.0  # times its sigma that a fit scatters, from which other starts are tried
+CAP = 25.0  # squares of residuals beyond it count no more, in units of sigma
+DOUBTED = 0.1  # share of the rows left out from which they are tried
+SUBSETS = 200  # random subsets of the measurements to begin a trimmed fit from
+CONCENTRATIONS = 8  # steps of each: fit to the best of the measurements, find the best of the measurements
+TRIMMED = 0.75  # share of the measurements that a trimmed fit rests on
+REST = 2.0  # [mm], by which a contact may lie beside its face, beside three standard deviations
+SURE = 5.0  # standard deviations within which a touch lies on another face
+MANY = 2000  # rows from which all fits rest on so many that trimmed fits are not worth their time
+
+
+@dataclass(frozen=True, eq=False)
+class Label:
+    """A touch whose face was another than its name says."""
+
+    touch: str
+    face: str
+    recorded: str
+    off: float  # [mm], from the face that was recorded
+
+
+def survivor(problem: Problem, found: Estimate, measured: tuple[Measured, ...]) -> tuple[Problem, Estimate]:
+    """The estimate with the fewest and smallest contradictions among those from several starts.
+
+    A plain robust fit can be drawn away by a fifth of gross errors. If its residuals scatter far more than stated, a
+    least trimmed squares fit (FAST-LTS, Rousseeuw and Van Driessen 2006) and the association of touches with faces are
+    tried. The one whose capped squares, priors included, are least is returned.
+    """
+    if problem.loss == "linear" or len(problem.rows) > MANY:
+        return problem, found
+    ends = [(problem, found)]
+    if found.noise > SUSPECT or (~found.used).mean() > DOUBTED:
+        ends += _grown(problem, problem.theta(found.x), trimmed(problem, found.x))
+        ends += _associated(problem, measured)
+        ends = [min(ends, key=lambda end: _cost(*end))]
+    return min([*ends, *_renamed(*ends[0], measured)], key=lambda end: _cost(*end))
+
+
+def _cost(problem: Problem, found: Estimate) -> float:
+    """Capped squares of residuals and squares of what priors hold, in units of the stated sigma."""
+    square = np.minimum((problem.residual(found.x) / problem.rows.sigma) ** 2, CAP).sum()
+    return float(square + ((found.x / problem.prior) ** 2).sum())
+
+
+def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray, " rows"]:
+    """Rows of the measurements that agree with a least trimmed squares fit, linear about x."""
+    parts = list(problem.linearized(x))
+    sigma, owner = problem.rows.sigma, problem.rows.owner
+    A = np.concatenate([J for _, _, J in parts]) / sigma[:, None]
+    y = A @ x - np.concatenate([r for _, r, _ in parts]) / sigma
+    precision = np.diag(1 / problem.prior**2) + 1e-9 * np.eye(len(x))
+    rng, count = np.random.default_rng(0), len(problem.rows.ids)
+    kept = rng.random((SUBSETS, count)) < TRIMMED
+    most = max(int(TRIMMED * count), 1)
+    for _ in range(CONCENTRATIONS):
+        w = kept[:, owner].astype(float)
+        G = np.einsum("sm,mi,mj->sij", w, A, A, optimize=True) + precision
+        solution = np.linalg.solve(G, (w @ (A * y[:, None]))[..., None])[..., 0]
+        square = np.zeros((SUBSETS, count))
+        np.add.at(square.T, owner, ((y - solution @ A.T) ** 2).T)
+        worst = np.partition(square, most - 1, axis=1)[:, most - 1 : most]
+        kept = square <= worst
+    cost = np.minimum(square, CAP).sum(axis=1) + ((solution / problem.prior) ** 2).sum(axis=1)
+    return kept[int(np.argmin(cost))][owner]
+
+
+def _associated(problem: Problem, measured: tuple[Measured, ...]) -> Iterator[tuple[Problem, Estimate]]:
+    """The estimate from where touches are associated with faces, if all that was measured are touches on faces."""
+    cell = problem.cell
+    if not _on_faces(measured) or cell.base is None or cell.tool is None:
+        return
+    found = believe(cell, measured[0])  # type: ignore[arg-type]
+    pairs = zip(found.touches.face, found.used, problem.rows.face, strict=True)
+    again = relabelled(problem, measured, tuple(met if use and met in cell.the_jig.by_name else face
+                                                for met, use, face in pairs))  # fmt: skip
+    yield from _grown(again, found.theta, found.used[again.rows.owner])
+
+
+def _renamed(problem: Problem, found: Estimate, measured: tuple[Measured, ...]) -> Iterator[tuple[Problem, Estimate]]:
+    """The estimate with touches that were left out on the faces that they most probably met."""
+    if _on_faces(measured) and not found.used.all():
+        again = relabelled(problem, measured, nearest(problem, found))
+        if again is not problem:
+            moved = np.array([a != b for a, b in zip(again.rows.face, problem.rows.face, strict=True)])
+            yield from _grown(again, problem.theta(found.x), found.used | moved)
+
+
+def _grown(
+    problem: Problem, theta: Float[np.ndarray, " parameters"], used: Bool[np.ndarray, " rows"]
+) -> Iterator[tuple[Problem, Estimate]]:
+    """The estimate from a start with rows that agree, if the solver converges from there."""
+    with suppress(CalibrationFailed):
+        yield problem, estimate(problem, theta, used)
+
+
+def _on_faces(measured: tuple[Measured, ...]) -> bool:
+    """Whether all measurements are touches of one table, each on a face with a name."""
+    return len(measured) == 1 and isinstance(measured[0], Touches) and all(measured[0].face)
+
+
+def relabelled(problem: Problem, measured: tuple[Measured, ...], faces: tuple[str, ...]) -> Problem:
+    """The problem with the touches of a table on other faces."""
+    if faces == problem.rows.face:
+        return problem
+    (touches,), by_name, cell = measured, problem.cell.the_jig.by_name, problem.cell
+    changed = np.array([face != name for face, name in zip(faces, touches.face, strict=True)])  # type: ignore[union-attr]
+    normal, offset = touches.normal.copy(), touches.offset.copy()  # type: ignore[union-attr]
+    for i in np.flatnonzero(changed):
+        normal[i], offset[i] = by_name[faces[i]].normal, by_name[faces[i]].offset
+    met = replace(touches, face=faces, normal=normal, offset=offset)  # type: ignore[arg-type]
+    return replace(problem, rows=equations(cell, [met]))
+
+
+def labels(problem: Problem, found: Estimate, recorded: Rows) -> tuple[Label, ...]:
+    """Touches that met another face than was recorded, by an estimate whose rows may bear other faces already."""
+    names = problem.rows.face or ("",) * len(problem.rows)
+    off = problem.unknowns.linearize(problem.unknown(found.x), recorded)[0]
+    return tuple(
+        Label(problem.rows.ids[owner], name, before, float(r))
+        for owner, name, before, r in zip(problem.rows.owner, names, recorded.face, off, strict=True)
+        if name != before
+    )
+
+
+def nearest(problem: Problem, found: Estimate) -> tuple[str, ...]:
+    """Faces of touches; those left out on the nearest face, if it is as near as a touch on it would be."""
+    by_name, faces = problem.cell.the_jig.by_name, list(problem.rows.face)
+    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(found.x))[0]
+    for i in np.flatnonzero(~found.used):
+        off = _distances(problem.cell, tip[i])
+        name = min(off, key=lambda face: abs(off[face]), default="")
+        own = SURE * max(found.noise * problem.rows.sigma[i], by_name[name].tolerance) if name else 0.0
+        if name and abs(off[name]) < own + problem.cell.wire.flat:
+            faces[i] = name
+    return tuple(faces)
+
+
+def _distances(cell: Cell, tip: Float[np.ndarray, " 3"]) -> dict[str, float]:
+    """Distances [mm] of a tip from the faces that it may have met: those beside which it does not lie."""
+    near = dict[str, float]()
+    for face in cell.the_jig.faces:
+        fractions = face.fractions(tip)
+        beside = np.maximum(np.maximum(-fractions, fractions - 1) * face.size, 0.0)
+        if beside.max() < REST:
+            near[face.name] = float(face.normal @ tip - face.offset - cell.wire.ball)
+    return near
