@@ -6,6 +6,24 @@ from identify.model.cell import Cell
 from identify.model.frames import pose
 from identify.model.io.calibration_file import Calibration, Errors
 
+Q = np.array([[0.1, 0.2, -0.3, 0.4, 0.9, 0.3], [0.2, 0.3, -0.4, 0.1, 1.0, -0.3], [0.1, 0.2, -0.3, 0.4, 0.8, 0.3]])
+JOB = """/JOB
+//NAME SEAM
+//POS
+///NPOS 2,0,0,0,0,0
+///TOOL 1
+///POSTYPE ANGLE
+///ANGLE
+C00000=5.0000,10.0000,-15.0000,20.0000,50.0000,-0.2500
+///POSTYPE PULSE
+///PULSE
+C00001=1,2,3,4,5,6
+//INST
+NOP
+MOVL C00000 V=10.0
+END
+"""
+
 
 def identified(cell: Cell, theta: np.ndarray, **changes) -> Calibration:
     """A calibration that found exactly these parameters, as good as certain."""
