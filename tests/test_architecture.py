@@ -16,17 +16,32 @@ THIRD = ("casadi", "serial")
 # the rooms of each package: one may import those that stand before it, never those behind it
 ROOMS = {
     "identify": (
-        "model.compiled", "model", "model.urdf", "model.io", "uncertainty", "estimation", "compensation", "workpiece",
-        "health", "programs", "export", "pendant", "report",
+        "model.compiled",
+        "model",
+        "model.urdf",
+        "model.io",
+        "uncertainty",
+        "estimation",
+        "compensation",
+        "workpiece",
+        "health",
+        "programs",
+        "export",
+        "pendant",
+        "report",
     ),
     "probe": ("line", "motion", "controllers", "runs", "programs", "virtual"),
     "oed": ("criteria", "design", "candidates", "refinement", "planning", "campaigns", "cli"),
-}  # fmt: skip
+}
 DOORS = ("identify.model", "identify.uncertainty")  # what probe, and planning apart from the closed loop, may see
 CLOSED_LOOP = ("oed.planning", "oed.campaigns", "oed.cli")  # they see the rest of identify and probe
 SYMBOLS = (  # where CasADi stands: the model, what builds an NLP, and an example of a joint error
-    "identify.model", "identify.estimation", "identify.compensation", "oed.refinement", "studies.examples",
-)  # fmt: skip
+    "identify.model",
+    "identify.estimation",
+    "identify.compensation",
+    "oed.refinement",
+    "studies.examples",
+)
 MODULES, LINES, FUNCTION = 20, 300, 60  # in a folder, of a file, of a function: at most
 
 

@@ -103,10 +103,16 @@ class Connection:
 
 
 def connection(
-    cell: Cell, port: str | None = None, protocol: str | None = None, *, truth: str | None = None,
-    time_scale: float | None = None, baud: int | None = None, axis_unit_deg: float | None = None,
+    cell: Cell,
+    port: str | None = None,
+    protocol: str | None = None,
+    *,
+    truth: str | None = None,
+    time_scale: float | None = None,
+    baud: int | None = None,
+    axis_unit_deg: float | None = None,
     **options: Any,
-) -> Connection:  # fmt: skip
+) -> Connection:
     """The connection that the cell file describes, with what a user gives in its place; raises InputError."""
     controller = cell.controller
     if axis_unit_deg is not None and not axis_unit_deg > 0:

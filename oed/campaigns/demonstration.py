@@ -114,9 +114,11 @@ def _calibrated(
 def _effort(done: Campaign) -> dict[str, Any]:
     """What it took."""
     return {
-        "touches": done.touches, "hits": sum(stage.hits for stage in done.stages), "stages": len(done.stages),
+        "touches": done.touches,
+        "hits": sum(stage.hits for stage in done.stages),
+        "stages": len(done.stages),
         "minutes": sum(minutes(stage.job.cell, stage.job.plan) for stage in done.stages),
-    }  # fmt: skip
+    }
 
 
 def _toucher(folder: Path, cell: Cell, truth: Truth, seed: int) -> Callable[[Job], Touches]:
@@ -195,6 +197,9 @@ def _compared(folder: Path, truth: Truth, found: Calibration) -> dict[str, Any]:
     )
     residuals = np.array([r.before_mm for r in found.residuals.values()])
     return {
-        "initial_rms_mm": summarize(residuals).rms_mm, "zone_rms_mm": after.rms_mm, "before": before, "after": after,
+        "initial_rms_mm": summarize(residuals).rms_mm,
+        "zone_rms_mm": after.rms_mm,
+        "before": before,
+        "after": after,
         "promise": {"p95_mm": zone_promise(found).p95_mm},
-    }  # fmt: skip
+    }

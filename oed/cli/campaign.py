@@ -84,13 +84,16 @@ def summary(done: "Campaign") -> dict[str, Any]:
         "why": done.why,
         "stages": [
             {
-                "touches": len(stage.touches), "hits": stage.hits, "approach_mm": stage.job.cell.touch.approach,
-                "promised_p95_mm": stage.promised_mm, "scatter": stage.calibration.scatter,
+                "touches": len(stage.touches),
+                "hits": stage.hits,
+                "approach_mm": stage.job.cell.touch.approach,
+                "promised_p95_mm": stage.promised_mm,
+                "scatter": stage.calibration.scatter,
                 "outliers": list(stage.calibration.outliers),
             }
             for stage in done.stages
         ],
-    }  # fmt: skip
+    }
 
 
 def _line(stage: "Stage") -> None:

@@ -124,10 +124,12 @@ def summary(wanted: "Poses", result: "Compensation") -> dict[str, Any]:
     shift = _shift(wanted, result)
     left = {name: reason for name, reason in zip(wanted.ids, result.why, strict=True) if reason}
     return {
-        "poses": len(wanted), "corrected": len(shift), "left": left,
+        "poses": len(wanted),
+        "corrected": len(shift),
+        "left": left,
         "shift_mm": {"median": float(np.median(shift)), "max": float(shift.max())} if len(shift) else None,
         "max_residual_mm": float(result.residual[result.corrected].max(initial=0.0)),
-    }  # fmt: skip
+    }
 
 
 def story(wanted: "Poses", result: "Compensation", notes: list[str], output: Path) -> str:

@@ -68,9 +68,7 @@ def import_log(
     if not paths:
         raise InputError("no log is named; give the files that came back from the controller")
     read = read_logs(paths, planned, described, maker)
-    rows = imported(
-        read, planned, described, maker, straight=chosen.straight, temperature=temperature, note=note
-    )  # fmt: skip
+    rows = imported(read, planned, described, maker, straight=chosen.straight, temperature=temperature, note=note)
     write_text(output, touches_text(rows.touches, described.robot))
     return _tell(rows.touches, rows.missing, output, json)
 

@@ -113,9 +113,16 @@ def plan(
 
 
 def _plan_workpiece(
-    workpiece: str, at: str | None, cell: "Cell", cell_file: Path, n: int | None, after: Path | None, output: Path,
-    seed: int, json: bool,
-) -> None:  # fmt: skip
+    workpiece: str,
+    at: str | None,
+    cell: "Cell",
+    cell_file: Path,
+    n: int | None,
+    after: Path | None,
+    output: Path,
+    seed: int,
+    json: bool,
+) -> None:
     """Write plan.csv, plan.json, and plan-cell.yaml: the cell with the workpiece in the place of the jig."""
     from identify.model.io.calibration_file import read_calibration
     from identify.model.io.description import named_jig, read_jig
@@ -231,9 +238,9 @@ def workpiece_story(told: dict[str, Any], output: Path, beside: Path, after: Pat
         )
     lines += [f"note: {sentence}" for sentence in told["notes"]]
     known = "" if after is None else f" --after {after}"
-    return "\n".join([
-        *lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}{known}"
-    ])  # fmt: skip
+    return "\n".join(
+        [*lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}{known}"]
+    )
 
 
 def _on(faces: dict[str, int]) -> str:

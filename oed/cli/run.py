@@ -145,9 +145,16 @@ def run(
 
 
 def make_touches(
-    connection: "Connection", cell: "Cell", robot: "Cell", plan: "Plan", output: Path, settings: "Settings",
-    screen: Screen, *, resume: bool,
-) -> "tuple[Finished, Delay | None]":  # fmt: skip
+    connection: "Connection",
+    cell: "Cell",
+    robot: "Cell",
+    plan: "Plan",
+    output: Path,
+    settings: "Settings",
+    screen: Screen,
+    *,
+    resume: bool,
+) -> "tuple[Finished, Delay | None]":
     """Make the touches of a plan; Ctrl-C stops the robot and offers to retract. The delay is that of two speeds."""
     from probe.runs.preflight import validate
 
@@ -165,9 +172,14 @@ def make_touches(
 
 
 def _rehearse(
-    connection: "Connection", cell: "Cell", robot: "Cell", plan: "Plan", output: Path, settings: "Settings",
+    connection: "Connection",
+    cell: "Cell",
+    robot: "Cell",
+    plan: "Plan",
+    output: Path,
+    settings: "Settings",
     screen: Screen,
-) -> "Finished":  # fmt: skip
+) -> "Finished":
     from probe import rehearse
     from probe.runs.preflight import validate
     from probe.runs.session import journal_path

@@ -55,9 +55,16 @@ def virtual(
     try:
         known = choose_truth(described, truth, seed)
         run(
-            described, known, lambda url: print(url, flush=True),
-            protocol=protocol, port=port, faults=fault, seed=seed, speed=speed,
-            axis_unit_deg=described.controller.axis_unit_deg, log=log,
-        )  # fmt: skip
+            described,
+            known,
+            lambda url: print(url, flush=True),
+            protocol=protocol,
+            port=port,
+            faults=fault,
+            seed=seed,
+            speed=speed,
+            axis_unit_deg=described.controller.axis_unit_deg,
+            log=log,
+        )
     except ValueError as error:
         raise InputError(str(error)) from None

@@ -93,8 +93,9 @@ def posed(cell, q, eliminate):
     rng = np.random.default_rng(0)
     touches = replace(
         touches_at(cell, cell.theta + 0.01 * cell.scale, q, rng),
-        approach=q - 0.1 * rng.choice([-1, 1], q.shape), temperature=rng.uniform(10, 30, len(q)),
-    )  # fmt: skip
+        approach=q - 0.1 * rng.choice([-1, 1], q.shape),
+        temperature=rng.uniform(10, 30, len(q)),
+    )
     return Problem.pose(cell, rows(cell.wire, [touches]), "linear", True, eliminate)
 
 

@@ -41,8 +41,20 @@ def dask(tmp_path_factory):
     """A scheduler and two workers on this machine: the address, and the workers."""
     folder = tmp_path_factory.mktemp("dask")
     told = folder / "scheduler.json"
-    processes = [start(folder, "scheduler", "--host", "127.0.0.1", "--port", 0, "--no-dashboard", "--no-show",
-                       "--scheduler-file", told)]  # fmt: skip
+    processes = [
+        start(
+            folder,
+            "scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            0,
+            "--no-dashboard",
+            "--no-show",
+            "--scheduler-file",
+            told,
+        )
+    ]
     try:
         wait_for("scheduler", told.exists)
         address = json.loads(told.read_text())["address"]
@@ -106,13 +118,42 @@ def all_busy(processing):
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl makes the certificates of this test")
 def test_encrypted_connections_need_the_certificates_of_the_cluster(tmp_path, monkeypatch, capsys):
     cert, key = tmp_path / "cert.pem", tmp_path / "key.pem"
-    made = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days",
-            "2", "-subj", "/CN=127.0.0.1", "-keyout", str(key), "-out", str(cert)]  # fmt: skip
+    made = [
+        "openssl",
+        "req",
+        "-x509",
+        "-newkey",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:prime256v1",
+        "-nodes",
+        "-days",
+        "2",
+        "-subj",
+        "/CN=127.0.0.1",
+        "-keyout",
+        str(key),
+        "-out",
+        str(cert),
+    ]
     subprocess.run(made, check=True, capture_output=True)
     told = tmp_path / "scheduler.json"
     files = ("--tls-ca-file", cert, "--tls-cert", cert, "--tls-key", key)
-    process = start(tmp_path, "scheduler", "--protocol", "tls", "--host", "127.0.0.1", "--port", 0, "--no-dashboard",
-                    "--no-show", "--scheduler-file", told, *files)  # fmt: skip
+    process = start(
+        tmp_path,
+        "scheduler",
+        "--protocol",
+        "tls",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        0,
+        "--no-dashboard",
+        "--no-show",
+        "--scheduler-file",
+        told,
+        *files,
+    )
     monkeypatch.setattr(cluster, "PATIENCE", 3.0)
 
     try:

@@ -28,12 +28,27 @@ END
 def identified(cell: Cell, theta: np.ndarray, **changes) -> Calibration:
     """A calibration that found exactly these parameters, as good as certain."""
     none = Errors(0, 0.0, 0.0, 0.0, 0.0)
-    return Calibration(**{
-        "cell": cell, "theta": theta, "start": cell.theta, "estimated": ("base.x",), "combinations": {},
-        "covariance": np.array([[1e-8]]), "scatter": 1.0, "scatter_significant": False, "weak": (), "outliers": {},
-        "fit": none, "held_out": None, "residuals": {}, "fingerprints": frozenset(), "iterations": 0, "solve_s": 0.0,
-        **changes,
-    })  # fmt: skip
+    return Calibration(
+        **{
+            "cell": cell,
+            "theta": theta,
+            "start": cell.theta,
+            "estimated": ("base.x",),
+            "combinations": {},
+            "covariance": np.array([[1e-8]]),
+            "scatter": 1.0,
+            "scatter_significant": False,
+            "weak": (),
+            "outliers": {},
+            "fit": none,
+            "held_out": None,
+            "residuals": {},
+            "fingerprints": frozenset(),
+            "iterations": 0,
+            "solve_s": 0.0,
+            **changes,
+        }
+    )
 
 
 def poses_at(cell: Cell, q: np.ndarray, theta: np.ndarray | None = None) -> np.ndarray:

@@ -18,5 +18,15 @@ def single_coordinates(measured, which):
     normal = np.eye(3)[np.arange(m) % 3]
     offset = (normal * measured["point"][which]).sum(axis=1)
     ids = tuple(str(i) for i in which)
-    return Touches(ids, blank, measured["q"][which], normal, offset, np.full(m, SIGMA), (HIT,) * m, np.full(m, np.nan),
-                   blank, blank)  # fmt: skip
+    return Touches(
+        ids,
+        blank,
+        measured["q"][which],
+        normal,
+        offset,
+        np.full(m, SIGMA),
+        (HIT,) * m,
+        np.full(m, np.nan),
+        blank,
+        blank,
+    )

@@ -87,8 +87,11 @@ class LinuxCNCRunning:
         """A command whose network is LinuxCNC's, under way."""
         return subprocess.Popen(
             ["nsenter", f"--net={self.namespace}", *words],
-            cwd=self.folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            cwd=self.folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
 
     def command(self, words: list[str]) -> tuple[int, str]:
         """Run such a command to its end; its exit code and what it said to stderr."""
@@ -167,8 +170,12 @@ def truth(cell: Cell, theta: np.ndarray) -> dict[str, object]:
     assert cell.jig is not None
     joints = len(cell.robot.joints)
     return {
-        "base": theta[:6].tolist(), "links": theta[6 : 6 + 5 * joints].reshape(joints, 5).tolist(),
-        "tool": theta[-6:].tolist(), "wire_radius": cell.wire.radius, "depth": DEPTH, "period_s": SENSOR_PERIOD,
+        "base": theta[:6].tolist(),
+        "links": theta[6 : 6 + 5 * joints].reshape(joints, 5).tolist(),
+        "tool": theta[-6:].tolist(),
+        "wire_radius": cell.wire.radius,
+        "depth": DEPTH,
+        "period_s": SENSOR_PERIOD,
         "faces": [{"origin": f.origin.tolist(), "u": f.u.tolist(), "v": f.v.tolist()} for f in cell.jig.faces],
         "log": "sensor.jsonl",
-    }  # fmt: skip
+    }

@@ -98,11 +98,14 @@ class FakeLinuxCNC:
             queue = {"error": self.errors, "operator_display": self.display}.get(name, [])
             return queue.pop(0) if queue else "OK"
         values = {
-            "estop": self.estop, "machine": self.machine, "mode": self.mode, "joint_units": " ".join(self.units),
+            "estop": self.estop,
+            "machine": self.machine,
+            "mode": self.mode,
+            "joint_units": " ".join(self.units),
             "joint_homed": " ".join(["YES" if self.homed else "NO"] * 6),
             "probe_value": f"{self.closed and not self._moves():d}",
             "program_status": "RUNNING" if self.running_program or self._moves() else "IDLE",
-        }  # fmt: skip
+        }
         for position in ("joint_pos", "abs_cmd_pos"):
             values[position] = " ".join(f"{v:.6f}" for v in self.position())
         return values.get(name)

@@ -7,11 +7,30 @@ from identify.model.measurement import measurement_model, rows
 from identify.model.touch import HIT, Positions, Touches
 
 TABLE_2 = {
-    "base.x": 339.106, "base.y": 740.678, "base.z": 351.276, "base.rz": -92.350, "base.ry": 0.128, "base.rx": -0.244,
-    "j1.alpha": -90.216, "j1.beta": -0.007, "j2.theta": -91.337, "j2.alpha": 1.199, "j2.a": 354.447, "j2.beta": 0.123,
-    "j3.theta": 0.536, "j3.alpha": -90.742, "j4.theta": 0.710, "j4.alpha": 89.291, "j4.d": 353.239, "j4.a": 1.821,
-    "j5.theta": 0.307, "j5.alpha": -89.705, "tool.x": -2.895, "tool.y": 7.636, "tool.z": 411.267,
-}  # fmt: skip
+    "base.x": 339.106,
+    "base.y": 740.678,
+    "base.z": 351.276,
+    "base.rz": -92.350,
+    "base.ry": 0.128,
+    "base.rx": -0.244,
+    "j1.alpha": -90.216,
+    "j1.beta": -0.007,
+    "j2.theta": -91.337,
+    "j2.alpha": 1.199,
+    "j2.a": 354.447,
+    "j2.beta": 0.123,
+    "j3.theta": 0.536,
+    "j3.alpha": -90.742,
+    "j4.theta": 0.710,
+    "j4.alpha": 89.291,
+    "j4.d": 353.239,
+    "j4.a": 1.821,
+    "j5.theta": 0.307,
+    "j5.alpha": -89.705,
+    "tool.x": -2.895,
+    "tool.y": 7.636,
+    "tool.z": 411.267,
+}
 
 
 def table_2(cell: Cell) -> np.ndarray:
@@ -39,9 +58,17 @@ def touches_at(cell: Cell, theta: np.ndarray, q: np.ndarray, rng: np.random.Gene
     m = len(q)
     normal = np.eye(3)[np.arange(m) % 3]
     blank = Touches(
-        tuple(f"t{i + 1}" for i in range(m)), ("",) * m, q, normal, np.zeros(m), np.full(m, sigma), (HIT,) * m,
-        np.full(m, np.nan), ("",) * m, ("",) * m,
-    )  # fmt: skip
+        tuple(f"t{i + 1}" for i in range(m)),
+        ("",) * m,
+        q,
+        normal,
+        np.zeros(m),
+        np.full(m, sigma),
+        (HIT,) * m,
+        np.full(m, np.nan),
+        ("",) * m,
+        ("",) * m,
+    )
     where = measurement_model(cell.robot).residual(theta, rows(cell.wire, [blank]))
     return with_offsets(blank, where + sigma * rng.standard_normal(m))
 
@@ -67,7 +94,14 @@ def touches_anywhere(cell, count=30, seed=4):
     chosen = [cell.jig.by_name[name] for name in faces]
     blank = ("",) * count
     return Touches(
-        tuple(map(str, range(count))), tuple(faces.tolist()), rng.uniform(robot.lower, robot.upper, (count, 6)),
-        np.stack([f.normal for f in chosen]), np.array([f.offset for f in chosen]), np.full(count, 0.05),
-        ("hit",) * count, np.zeros(count), blank, blank,
-    )  # fmt: skip
+        tuple(map(str, range(count))),
+        tuple(faces.tolist()),
+        rng.uniform(robot.lower, robot.upper, (count, 6)),
+        np.stack([f.normal for f in chosen]),
+        np.array([f.offset for f in chosen]),
+        np.full(count, 0.05),
+        ("hit",) * count,
+        np.zeros(count),
+        blank,
+        blank,
+    )

@@ -50,9 +50,13 @@ def activated():
 def run(command, folder, **environment):
     """Run a shell block as a user does; what it says."""
     return subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=activated() | environment,
-        capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
+        ["bash", "-euo", "pipefail", "-c", command],
+        cwd=folder,
+        env=activated() | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
 
 
 @dataclass(frozen=True)

@@ -34,10 +34,24 @@ class UrScript:
 
     def run_program(self) -> None:
         names = (
-            "movej", "stopj", "sync", "sleep", "get_standard_digital_in", "get_actual_joint_positions", "popup", "run",
-            "kill", "join", "socket_open", "socket_close", "socket_send_line", "socket_send_string",
-            "socket_send_byte", "halt", "thread_movej",
-        )  # fmt: skip
+            "movej",
+            "stopj",
+            "sync",
+            "sleep",
+            "get_standard_digital_in",
+            "get_actual_joint_positions",
+            "popup",
+            "run",
+            "kill",
+            "join",
+            "socket_open",
+            "socket_close",
+            "socket_send_line",
+            "socket_send_string",
+            "socket_send_byte",
+            "halt",
+            "thread_movej",
+        )
         scope = {name: getattr(self, name) for name in names}
         scope |= {"floor": lambda value: int(np.floor(value)), "to_str": str, "__builtins__": {}}
         exec(self.code, scope)

@@ -55,8 +55,15 @@ def touches_of(workpiece: Jig, face, q, sigma, **changes) -> Touches:
     """Touches as they are read from touches.csv."""
     faces, m = workpiece.by_name, len(face)
     made = Touches(
-        tuple(f"t{i + 1}" for i in range(m)), tuple(face), q, np.stack([faces[name].normal for name in face]),
-        np.array([faces[name].offset for name in face]), np.full(m, sigma), (HIT,) * m,
-        np.full(m, np.nan), ("",) * m, ("",) * m,
-    )  # fmt: skip
+        tuple(f"t{i + 1}" for i in range(m)),
+        tuple(face),
+        q,
+        np.stack([faces[name].normal for name in face]),
+        np.array([faces[name].offset for name in face]),
+        np.full(m, sigma),
+        (HIT,) * m,
+        np.full(m, np.nan),
+        ("",) * m,
+        ("",) * m,
+    )
     return replace(made, **changes)

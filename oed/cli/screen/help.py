@@ -28,14 +28,16 @@ def overview(commands: Mapping[str, str]) -> str:
         "--version": "Print the versions of touchcal, CasADi and Ipopt.",
         "--install-completion": COMPLETION,
     }
-    return "\n".join((
-        "Usage: touchcal COMMAND\n",
-        "Calibrate a welding robot with its own wire, a machined jig and a serial line.\n",
-        "Commands:",
-        *(_row(name, line, 14) for name, line in rows.items()),
-        f"\n{_filled(EXIT_CODES)}",
-        "\nStart with: touchcal demo -o demo. More of a command: touchcal plan --help.",
-    ))  # fmt: skip
+    return "\n".join(
+        (
+            "Usage: touchcal COMMAND\n",
+            "Calibrate a welding robot with its own wire, a machined jig and a serial line.\n",
+            "Commands:",
+            *(_row(name, line, 14) for name, line in rows.items()),
+            f"\n{_filled(EXIT_CODES)}",
+            "\nStart with: touchcal demo -o demo. More of a command: touchcal plan --help.",
+        )
+    )
 
 
 def page(app: App) -> str:

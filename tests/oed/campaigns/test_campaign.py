@@ -82,9 +82,12 @@ def test_a_jig_that_is_nowhere_is_said(known, first, monkeypatch):
 
     with pytest.raises(TouchError, match="none of 8 touches met the jig"):
         campaign(
-            known, target_mm=0.3, rng=np.random.default_rng(0), planner=quickly,
+            known,
+            target_mm=0.3,
+            rng=np.random.default_rng(0),
+            planner=quickly,
             touch=toucher(known, Truth(away), np.random.default_rng(0)),
-        )  # fmt: skip
+        )
 
 
 @pytest.mark.parametrize(("wrong", "sentence"), [({"target_mm": 0.0}, "target"), ({"max_touches": 20}, "20 touches")])
@@ -106,9 +109,10 @@ def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(kno
     other = next(name for name in ("top-low", "top-high") if name != made.face[high])
     face = known.jig.by_name[other]
     moved = replace(
-        made, face=(*made.face[:high], other, *made.face[high + 1 :]),
+        made,
+        face=(*made.face[:high], other, *made.face[high + 1 :]),
         offset=np.where(np.arange(len(made)) == high, face.offset, made.offset),
-    )  # fmt: skip
+    )
     assert abs(tip[high] @ face.normal - face.offset) > 50
 
     belief = believe(known, moved)

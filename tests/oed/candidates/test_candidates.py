@@ -205,8 +205,13 @@ def test_most_candidates_are_corners_with_the_wire_at_its_limit():
     size = np.stack([f.size for f in cell.jig.faces])[all_found.face]
     place = size * [cell.jig.faces[i].fractions(p) for i, p in zip(all_found.face, all_found.point, strict=True)]
 
-    edge = np.minimum(np.abs(place - all_found.margins.inset[all_found.face]),
-                      np.abs(size - place - all_found.margins.inset[all_found.face])) < 1e-3  # fmt: skip
+    edge = (
+        np.minimum(
+            np.abs(place - all_found.margins.inset[all_found.face]),
+            np.abs(size - place - all_found.margins.inset[all_found.face]),
+        )
+        < 1e-3
+    )
     assert (edge.all(axis=1) & (all_found.tilt > cell.touch.max_tilt - 1e-5)).mean() > 0.3
     even = candidates(cell, np.random.default_rng(7), 1000, structured=0.0)
     assert (even.tilt < 0.95 * cell.touch.max_tilt).mean() > 0.5

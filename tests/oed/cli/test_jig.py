@@ -18,8 +18,12 @@ def test_a_part_becomes_a_jig_with_the_part_as_its_obstacle(touchcal, tmp_path):
     assert code == 0
     assert "5 faces" in said
     assert sorted(face.name for face in jig.faces) == [
-        "back_0_-50_25", "front_0_50_25", "left_-100_0_25", "right_100_0_25", "top_0_0_50",
-    ]  # fmt: skip
+        "back_0_-50_25",
+        "front_0_50_25",
+        "left_-100_0_25",
+        "right_100_0_25",
+        "top_0_0_50",
+    ]
     assert all(face.tolerance == 0.05 for face in jig.faces)
     assert np.ptp(jig.obstacles[0].mesh[0], axis=0).round(3).tolist() == [200, 100, 50]
 

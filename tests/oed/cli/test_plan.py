@@ -63,11 +63,13 @@ def gaps(cell, clearance, q):
     """Distance of every capsule from every box [mm], by points along the capsules."""
     boxes = [(np.array(b.lower), np.array(b.upper)) for b in cell.jig.boxes]
     along = balls(cell, clearance.capsules, q, 60)
-    return np.array([
-        [np.linalg.norm(np.maximum(np.maximum(lo - p, p - hi), 0), axis=1).min() - c.radius for lo, hi in boxes]
-        for p, c in zip(along, clearance.capsules, strict=True)
-        if c.link
-    ])  # fmt: skip
+    return np.array(
+        [
+            [np.linalg.norm(np.maximum(np.maximum(lo - p, p - hi), 0), axis=1).min() - c.radius for lo, hi in boxes]
+            for p, c in zip(along, clearance.capsules, strict=True)
+            if c.link
+        ]
+    )
 
 
 def bare_wire(cell, q, least=0.0):
@@ -133,9 +135,16 @@ def test_a_robot_that_may_be_far_off_is_kept_farther_from_the_jig(made):
 
 
 def test_the_command_tells_the_promise_the_curve_the_certificates_and_what_limits_it(made):
-    for words in (f"{N} touches, criterion V, about", "promised tip error in the weld zone: RMS 0.0", "touches   ",
-                  "95 % [mm]", "indices: O1 ", "touches on offer that clear ways join",
-                  "of the best possible over all touches of the faces, clear of the jig or not", "wrote "):  # fmt: skip
+    for words in (
+        f"{N} touches, criterion V, about",
+        "promised tip error in the weld zone: RMS 0.0",
+        "touches   ",
+        "95 % [mm]",
+        "indices: O1 ",
+        "touches on offer that clear ways join",
+        "of the best possible over all touches of the faces, clear of the jig or not",
+        "wrote ",
+    ):
         assert words in made.out
     assert made.told["touches"] == len(made.rows) == N
     assert 0.5 < made.told["manifold"] < made.told["efficiency"] < 1

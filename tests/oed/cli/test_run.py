@@ -104,9 +104,20 @@ def test_what_is_asked_for_on_the_command_line_is_done(
     with served_to(arc_welder, plan) as served:
         ask = ["run", "plan.csv", "--port", served.url]
         code, _, err = touchcal(
-            *ask, "--again-every", 2, "--temperature", 21.5, "--note", "first shift", "--override", 0.5,
-            "--search-speed", 10, "--transcript", "said.txt",
-        )  # fmt: skip
+            *ask,
+            "--again-every",
+            2,
+            "--temperature",
+            21.5,
+            "--note",
+            "first shift",
+            "--override",
+            0.5,
+            "--search-speed",
+            10,
+            "--transcript",
+            "said.txt",
+        )
 
         assert code == 0, err
         rows = list(DictReader((project / "touches.csv").read_text().splitlines()))

@@ -122,17 +122,23 @@ def test_from_plan_over_the_virtual_robot_to_the_pose(folder, found, touchcal):
     assert f"{told['base_T_workpiece']['x_mm']:.3f}" in out
 
 
-@pytest.mark.parametrize(("arguments", "sentence"), [
-    (["locate", "calibration.json", "--workpiece", "box.yaml"], "nothing to locate the workpiece by"),
-    (["locate", "calibration.json", "none.csv", "--workpiece", "box.yaml"], "none.csv: no such file"),
-    (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml"], "2 touches cannot fix 6 freedoms"),
-    (["locate", "calibration.json", "other.csv", "--workpiece", "box.yaml"], "jig 'cube' has no face 'topp'"),
-    (["locate", "calibration.json", "points.csv", "--workpiece", "box.yaml"], "positions in the jig frame are no"),
-    (["locate", "calibration.json", "few.csv", "--workpiece", "library:cub"], "library has no jig 'cub'; did you mean"),
-    (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml", "--near", "1,2"], "--near is '1,2'"),
-    (["plan", "--workpiece", "none.yaml"], "none.yaml: no such file"),
-    (["plan", "--workpiece", "box.yaml", "--at", "here"], "--at is 'here', expected 6 numbers"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["locate", "calibration.json", "--workpiece", "box.yaml"], "nothing to locate the workpiece by"),
+        (["locate", "calibration.json", "none.csv", "--workpiece", "box.yaml"], "none.csv: no such file"),
+        (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml"], "2 touches cannot fix 6 freedoms"),
+        (["locate", "calibration.json", "other.csv", "--workpiece", "box.yaml"], "jig 'cube' has no face 'topp'"),
+        (["locate", "calibration.json", "points.csv", "--workpiece", "box.yaml"], "positions in the jig frame are no"),
+        (
+            ["locate", "calibration.json", "few.csv", "--workpiece", "library:cub"],
+            "library has no jig 'cub'; did you mean",
+        ),
+        (["locate", "calibration.json", "few.csv", "--workpiece", "box.yaml", "--near", "1,2"], "--near is '1,2'"),
+        (["plan", "--workpiece", "none.yaml"], "none.yaml: no such file"),
+        (["plan", "--workpiece", "box.yaml", "--at", "here"], "--at is 'here', expected 6 numbers"),
+    ],
+)
 def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, touchcal):
     joints = ",".join(f"q{i}_deg" for i in range(1, 7))
     (folder / "few.csv").write_text(f"id,face,{joints}\na,top,10,20,30,40,50,60\nb,front,11,22,30,40,50,60\n")

@@ -77,21 +77,24 @@ def test_help_names_all_options(command, said):
     assert {name for name in names if name.startswith("-")} - {f"--{place}" for place in PLACES} <= set(options)
 
 
-@pytest.mark.parametrize(("command", "line"), [
-    ("plan", "  -n, --touches INTEGER     How many touches to make; 50 if no target is given."),
-    ("plan", "  --strategy optimal|even|random"),
-    ("plan", "                            optimal; even spreads points over the faces as the paper does; random"),
-    ("plan", "                            draws them. [default: optimal]"),
-    ("plan", "  --worst                   Plan for the worst of these robots, not for their mean."),
-    ("plan", "  --seed INTEGER            The same seed gives the same result. [default: 0]"),
-    ("identify", "  FILES...                  touches.csv and positions.csv files, one or more."),
-    ("identify", "  --priors, --no-priors     Use the tolerances of the cell file beside the touches (maximum a"),
-    ("identify", "                            posteriori). [default: True]"),
-    ("virtual", "  --fault TEXT...           A fault to order; may be given several times."),
-    ("export", "Usage: touchcal export --format urdf|ur-yaml|dh-csv|json|mastering-text [OPTIONS] CALIBRATION"),
-    ("export", "                            hand. [required]"),
-    ("health", "                            [default: 0.01]"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        ("plan", "  -n, --touches INTEGER     How many touches to make; 50 if no target is given."),
+        ("plan", "  --strategy optimal|even|random"),
+        ("plan", "                            optimal; even spreads points over the faces as the paper does; random"),
+        ("plan", "                            draws them. [default: optimal]"),
+        ("plan", "  --worst                   Plan for the worst of these robots, not for their mean."),
+        ("plan", "  --seed INTEGER            The same seed gives the same result. [default: 0]"),
+        ("identify", "  FILES...                  touches.csv and positions.csv files, one or more."),
+        ("identify", "  --priors, --no-priors     Use the tolerances of the cell file beside the touches (maximum a"),
+        ("identify", "                            posteriori). [default: True]"),
+        ("virtual", "  --fault TEXT...           A fault to order; may be given several times."),
+        ("export", "Usage: touchcal export --format urdf|ur-yaml|dh-csv|json|mastering-text [OPTIONS] CALIBRATION"),
+        ("export", "                            hand. [required]"),
+        ("health", "                            [default: 0.01]"),
+    ],
+)
 def test_an_option_stands_with_its_value_default_and_choices(command, line, said):
     assert line in said[0][command].splitlines()
 
