@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+LONGEST_ID = 200  # [characters]
 LISTED = 20  # mistakes shown of one file: beyond that, the reader has seen the pattern
 
 
@@ -37,6 +38,11 @@ class InputError(ValueError):
         more = len(self.mistakes) - LISTED
         lines = [str(m) for m in self.mistakes[:LISTED]] + ([f"... and {more} more"] if more > 0 else [])
         super().__init__("\n".join(lines))
+
+
+def is_plain(text: str) -> bool:
+    """Whether a text may hold numbers: Python reads 1_0 as 10, and digits of every script."""
+    return text.isascii() and "_" not in text
 
 
 def read_text(path: Path) -> str:
@@ -136,6 +142,8 @@ class Sheet:
         for row, name in enumerate(ids if "id" in self.columns else []):
             if not name:
                 self.wrong(row, "id is empty; give every row a name of its own")
+            elif len(name) > LONGEST_ID:
+                self.wrong(row, f"id '{name[:20]}...' has {len(name)} characters, expected at most {LONGEST_ID}")
             elif name in first:
                 self.wrong(row, f"id '{name}' stands already in line {first[name]}; give every row a name of its own")
             first.setdefault(name, self.lines[row])
@@ -147,9 +155,10 @@ class Sheet:
             return np.full(len(self.lines), np.nan if default is None else default)
         cells = self.text(name)
         try:
-            values = np.array(cells, dtype=float)  # the whole column at once: the usual case of a clean file
-            if np.isfinite(values).all():
-                return values
+            if is_plain("".join(cells)):
+                values = np.array(cells, dtype=float)  # the whole column at once: the usual case of a clean file
+                if np.isfinite(values).all():
+                    return values
         except ValueError:
             pass
         return np.array([self._number(row, name, cell, default) for row, cell in enumerate(cells)])
@@ -158,7 +167,7 @@ class Sheet:
         if not cell and default is not None:
             return default
         try:
-            value = float(cell)
+            value = float(cell) if is_plain(cell) else float("nan")
         except ValueError:
             value = float("nan")
         if not np.isfinite(value):

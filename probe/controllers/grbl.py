@@ -37,10 +37,11 @@ from probe.line.transcript import Transport
 from probe.line.watch import Watch
 
 NOWHERE = 0.002  # [axis units]
-SLACK = 10.0  # [s] beyond the expected duration of a motion before it is stopped
+SLACK = 5.0  # [s] beyond the expected duration of a motion before it is stopped
 HOMING = 180.0  # [s]
 ARRIVED = 0.02  # [deg] or [mm]
 ASKING = 5.0  # [s] for which a target that GRBL understands wrongly is told again
+OFF = 0.02  # [deg] or [mm] off the commanded path: GRBL reports where it steps, and nothing trembles
 SLOW = 1.0  # [deg/s] where a target cannot be checked: the watch stops it within 0.1 deg
 
 
@@ -146,7 +147,7 @@ class Grbl:
         line = self._prepared(
             word, q / self._unit, max(60.0 * float(np.linalg.norm((q - before.q) / self._unit)) / seconds, 1.0)
         )
-        watch = Watch(start, end, degrees, self.link.clock, from_contact=before.contact)
+        watch = Watch(start, end, degrees, self.link.clock, from_contact=before.contact, off=OFF)
 
         def astray(report: Report) -> str:
             return watch.objection(report.position * self._unit / self._degree, report.probe)

@@ -15,6 +15,7 @@ from probe.line.transcript import Transport
 
 LONGEST = 500  # [bytes] of a line of GRBL
 IDENTITY, HIGHEST = "TS", 255  # words that may keep the boot; the highest tool number of GRBL 1.1
+BEGUN = 2.0  # [s] after which a report that says Idle is no longer one from before the motion
 REPEATS = 20  # reports of a robot that stands, of which two in a row must agree
 RESET = b"\x18"
 STILL = ("Idle", "Alarm", "Hold")
@@ -57,7 +58,9 @@ class GrblLink:
                 if report is None:
                     said.append(text)
                 else:
-                    late = report.state == "Idle" and self.clock.now() < asked_first + seconds  # said before it began
+                    late = report.state == "Idle" and self.clock.now() < asked_first + min(
+                        seconds, BEGUN
+                    )  # said before it began
                     idle = idle + 1 if report.state in STILL and not late else 0
                     astray = watch(report) if watch and report.state == "Run" else ""
                     against = against + 1 if astray else 0

@@ -26,13 +26,14 @@ class Watch:
         clock: Clock,
         *,
         from_contact: bool = False,
+        off: float = OFF,
     ) -> None:
         """`start`, `end` in [deg] or [mm], `rate` of the fastest joint in [deg/s]; a retract begins `from_contact`."""
         self._start, self._line, self._rate = start, end - start, rate
         self._span = float(np.abs(self._line).max())
         self._square = float(self._line @ self._line)
         self._clock, self._began = clock, clock.robot()
-        self._from_contact = from_contact
+        self._from_contact, self._off = from_contact, off
         self._farthest, self._progressed = 0.0, self._began  # [deg] along the segment, and when
         self._closed_at: float | None = None  # [deg] along the segment, where the input was first seen closed
 
@@ -42,7 +43,7 @@ class Watch:
         fraction = float(away @ self._line) / self._square if self._square else 0.0
         off = float(np.abs(away - fraction * self._line).max())
         along = fraction * self._span
-        if off > OFF:
+        if off > self._off:
             return f"{off:.2f} deg off the commanded path"
         if along > self._span + OFF:
             return f"{along - self._span:.2f} deg beyond the end of the commanded path"

@@ -1,5 +1,6 @@
 """YAML files read with the place of every key, so that every mistake is told with its line."""
 
+import re
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +16,10 @@ from identify.model.io.schema import Strict
 
 Model = TypeVar("Model", bound=Strict)
 
+UNDERSCORED = re.compile(r"(?<![\w.\"'/-])[-+]?\d[\d.]*_[\d_.]*(?![\w:/\"'-])")  # YAML would read 1_0 as 10
+
+DEEPEST = 50  # brackets in brackets: the parser takes minutes for thousands
+
 
 class Document:
     """A YAML file parsed with the place of every key."""
@@ -22,6 +27,12 @@ class Document:
     def __init__(self, path: Path) -> None:
         self.path = path
         text = read_text(path)
+        if _depth(text) > DEEPEST:
+            raise InputError([Mistake(str(path), 0, f"brackets stand more than {DEEPEST} deep; close them")])
+        for number, row in enumerate(text.split("\n"), 1):
+            if found := UNDERSCORED.search(row.partition("#")[0]):
+                cure = "write it without the underscore, or as a name in quotation marks"
+                raise InputError([Mistake(str(path), number, f"{found[0].strip()} looks like a number; {cure}")])
         try:
             self.data: Any = YAML().load(text)
         except MarkedYAMLError as error:
@@ -68,6 +79,15 @@ class Document:
         """The items of a list, unchecked; none where there is no list."""
         found = self.get(key)
         return found if isinstance(found, list) else []
+
+
+def _depth(text: str) -> int:
+    """How deep brackets stand in brackets."""
+    depth = deepest = 0
+    for bracket in re.findall(r"[\[{\]}]", text):
+        depth += 1 if bracket in "[{" else -1
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def flow(value: Any) -> Any:
