@@ -27,6 +27,7 @@ Its rooms, in the order in which data walks through:
     beyond          Does the choice of joint errors find what a robot has, and nothing else?
     campaign        Does touching by turns keep its promise, and does it need fewer touches than one shot?
     promise         Is the promised tip error kept, and how wide is it?
+    screenshot      a picture of a page, by a headless Chromium
     readme          studies/README.md, made from the scripts
     examples        short programs to start from
 """

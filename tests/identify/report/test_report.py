@@ -60,6 +60,26 @@ def test_every_chart_has_titles_and_units(html):
     assert "expected tip error (RMS), mm" in html
 
 
+def test_promised_and_delivered_stand_in_one_line(calibration, measured):
+    promised = replace(calibration, promise={"rms_mm": 0.05, "p95_mm": 0.123})
+
+    page = report(promised, [measured])
+
+    assert "within 0.12 mm at 95 % of the poses, for 95 of 100 robots like this" in page
+    assert "Not verified yet" in page
+
+
+def test_a_face_that_stands_elsewhere_is_named_with_its_interval(calibration, measured):
+    k = next(i for i, value in enumerate(calibration.shared) if value.name == "face.top-high")
+    faces = list(calibration.shared)
+    faces[k] = replace(faces[k], value=0.5)
+
+    page = report(replace(calibration, shared=tuple(faces)), [measured])
+
+    assert re.search(r"face top-high \[mm\]</td>.*?\+0\.500</td>.*?stands elsewhere than the jig file says", page)
+    assert page.count("stands elsewhere") == 1
+
+
 def test_hostile_names_appear_only_escaped(calibration, measured, arc_welder):
     robot = replace(arc_welder.robot, name=HOSTILE)
     cell = Cell(robot, Jig(HOSTILE, arc_welder.jig.faces), arc_welder.base, arc_welder.tool, zone=arc_welder.zone)
