@@ -93,6 +93,28 @@ class Program:
         """Height over the face, place on it, lean, approach held off the face, and end of the search."""
         return self._model[1]
 
+    @cached_property
+    def values(self) -> ca.Function:
+        """values:(x,p)->(f,g)."""
+        return ca.Function("values", [self.x, self.p], [self.row, self.constraints])
+
+    @cached_property
+    def touch(self) -> ca.Function:
+        """touch:(x,p)->(f,df/dx)."""
+        return ca.Function("touch", [self.x, self.p], [self.row, ca.jacobian(self.row, self.x)])
+
+    @cached_property
+    def limits(self) -> ca.Function:
+        """limits:(x,p)->(g,dg/dx)."""
+        return ca.Function("limits", [self.x, self.p], [self.constraints, ca.jacobian(self.constraints, self.x)])
+
+    @cached_property
+    def bent(self) -> ca.Function:
+        """bent:(x,p,w,lam)->(Hessian of w'f + lam'g)."""
+        w, lam = ca.SX.sym("w", self.row.shape[0]), ca.SX.sym("lam", self.constraints.shape[0])
+        own = ca.hessian(ca.dot(w, self.row) + ca.dot(lam, self.constraints), self.x)[0]
+        return ca.Function("bent", [self.x, self.p, w, lam], [own])
+
     def numbers(self, touches: Candidates) -> Numbers:
         """Constants and limits of touches: inset, tilt, joint limits, and no joint far from where it is."""
         cell, m = self.cell, len(touches)
