@@ -46,6 +46,13 @@ class Candidates:
         """Some of the candidates, in the order of the index."""
         return replace(self, **{name: getattr(self, name)[index] for name in COLUMNS})
 
+    def followed_by(self, others: "Candidates") -> "Candidates":
+        """These candidates and others."""
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(others, name)]) for name in COLUMNS
+        }
+        return replace(self, **columns)
+
     @cached_property
     def number(self) -> Int[np.ndarray, " faces"]:
         """How many there are on each face."""

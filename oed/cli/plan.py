@@ -35,6 +35,9 @@ class Choice:
     """So many robots drawn from the tolerances, or from what the calibration leaves open, are planned for at once."""
     worst: Flag = False
     """Plan for the worst of these robots, not for their mean."""
+    seconds: float | None = None
+    """So long the plan may search for better touches, and for a better bound on all touches; a few seconds if not
+    given. What it finds then depends on the machine."""
 
 
 @Parameter(name="*")
@@ -100,6 +103,7 @@ def plan(
             after=calibration,
             robust=choice.robust,
             worst=choice.worst,
+            seconds=choice.seconds,
             progress=on_progress,
         )
     write_text(output, plan_text(result.plan, described.robot))

@@ -3,6 +3,7 @@
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -25,6 +26,7 @@ from probe.motion.edges import Edges
 from probe.motion.roadmap import Roadmap, lifts
 from probe.motion.tour import Order
 
+SHARED = ("zone", "tip", "all_unknowns", "identifiable", "feasibility", "edges", "_lifts", "_home")  # by sets alike
 ROBOTS = 100  # drawn, of which each misses other touches
 MOST = 0.8  # of the touches: robots that meet fewer stop in the run
 FEW = 0.3  # share of the robots that meet so many, below which a promise is that of the average robot
@@ -47,6 +49,13 @@ class CandidateSet:
     def theta(self) -> Float[np.ndarray, " parameters"]:
         """The robot for which the touches are made [mm, rad]."""
         return self.prior.theta
+
+    def with_candidates(self, candidates: Candidates) -> Self:
+        """The same with other candidates, and the same coordinates."""
+        other = replace(self, candidates=candidates)
+        known = self.__dict__ | {"all_unknowns": self.all_unknowns}
+        other.__dict__.update({name: value for name, value in known.items() if name in SHARED})
+        return other
 
     @cached_property
     def zone(self) -> Float[np.ndarray, "poses joints"]:

@@ -22,7 +22,6 @@ from probe.motion.tour import Order, minutes
 
 CRITERION = "V"
 COUNT = 20_000  # touches on offer: more are worth a percent each time that their number doubles
-MANIFOLD = "all touches of the faces, clear of the jig or not, as far as polishing the best of these finds better ones"
 Progress = Callable[[str, float], None]  # what is being done, and how much of the whole is done (0 ... 1)
 
 
@@ -37,8 +36,9 @@ class PlanResult:
     efficiency: float | None  # against the bound on what `efficiency_covers`; None where there is no bound
     efficiency_covers: str  # candidates: the touches on offer that clear ways join, of which there are
     joined: int
-    offered: int  # touches on offer
-    manifold: float | None  # efficiency against all touches that there are, as far as they were looked for
+    offered: int  # touches on offer, polished ones with them
+    manifold: float | None  # efficiency against all touches that can be made, as far as `manifold_covers` says
+    manifold_covers: str | None
     promise: Promise
     curve: tuple[tuple[int, float], ...]  # numbers of touches, and the 95 % tip error in the zone to expect [mm]
     minutes: float
@@ -62,6 +62,7 @@ def plan(
     worst: bool = False,
     lifting: bool = True,
     count: int = COUNT,
+    seconds: float | None = None,
     progress: Progress | None = None,
 ) -> PlanResult:
     """Choose touches of the jig: `n` of them (50), or as few as bring the tip error in the zone below `target`.
@@ -69,14 +70,15 @@ def plan(
     `target` is the 95 % error [mm]. To what an earlier calibration knows (`after`), new touches are added. With
     `robust` robots drawn from what is known, touches are judged by the mean over them, or with `worst` by the least.
     Without `lifting` all ways between touches are straight. `count` touches are on offer. The same `rng` gives the
-    same plan. Raises InputError where no plan can be made.
+    same plan, except with `seconds`: then the search for better touches and a better bound takes so long. Raises
+    InputError where no plan can be made.
     """
     rng = np.random.default_rng(0) if rng is None else rng
     say = progress or (lambda what, share: None)
-    _check(n, target, criterion, strategy)
+    _check(n, target, criterion, strategy, seconds)
     say("finding touches that can be made", 0.0)
     offered = candidate_set(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
-    setting = Setting(offered, criterion, strategy, rng, robust, worst)
+    setting = Setting(offered, criterion, strategy, rng, robust, worst, seconds)
     if target is not None:
         say("looking for the number of touches", 0.3)
         n = smallest(offered, target, setting.quickly)
@@ -102,7 +104,7 @@ def summary(result: PlanResult) -> dict[str, Any]:
         "efficiency_covers": result.efficiency_covers,
         "candidates": {"offered": result.offered, "joined": result.joined},
         "manifold": result.manifold,
-        "manifold_covers": MANIFOLD,
+        "manifold_covers": result.manifold_covers,
         "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
         "curve": [{"touches": m, "p95_mm": error} for m, error in result.curve],
         "minutes": result.minutes,
@@ -111,7 +113,7 @@ def summary(result: PlanResult) -> dict[str, Any]:
     }
 
 
-def _check(n: int | None, target: float | None, criterion: str, strategy: str) -> None:
+def _check(n: int | None, target: float | None, criterion: str, strategy: str, seconds: float | None) -> None:
     """Raise InputError where the words are not known or say two things at once."""
     for word, value, known in (("criterion", criterion, CRITERIA), ("strategy", strategy, STRATEGIES)):
         if value not in known:
@@ -122,6 +124,8 @@ def _check(n: int | None, target: float | None, criterion: str, strategy: str) -
         raise InputError("a number of touches and a target are given; give one, the other follows from it")
     if target is not None and not target > 0:
         raise InputError(f"target {target:g} mm: write the 95 % tip error in the zone that is wanted, above 0")
+    if seconds is not None and not 0 < seconds < np.inf:
+        raise InputError(f"seconds {seconds:g}: write how long the plan may search, above 0")
 
 
 def _result(setting: Setting, choice: Choice) -> PlanResult:
@@ -132,7 +136,8 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
     return PlanResult(
         plan=plan, strategy=setting.strategy, criterion=setting.criterion, indices=indices(offered, rows),
         efficiency=choice.efficiency, efficiency_covers="candidates", joined=choice.joined,
-        offered=len(offered.candidates), manifold=choice.manifold,
+        offered=choice.offered or len(offered.candidates), manifold=choice.manifold,
+        manifold_covers=choice.certificate.covers if choice.manifold is not None and choice.certificate else None,
         promise=offered.promise(touches), curve=curve(offered, touches),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
         unseen=unseen(offered.identifiable, offered.rows @ basis, rows @ basis, offered.zone),

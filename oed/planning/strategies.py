@@ -1,20 +1,19 @@
 """The strategies of planning: optimal, even and random, each from an offer to touches in the order of making them."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.uncertainty.coordinates import Coordinates
 from oed.candidates.candidates import Candidates
 from oed.candidates.even import even
 from oed.criteria.criterion import Criterion
-from oed.design.relaxation import ApproximateDesign
 from oed.planning.candidate_set import CandidateSet
-from oed.planning.visitable import Best, Pick, linked, measured, robust, visited
-from oed.refinement.certificate import certify
+from oed.planning.visitable import Best, Pick, joined, linked, measured, robust, visited
+from oed.refinement.certificate import Certificate, Manifold, generate_columns
 from oed.refinement.coordinate import Refinement, refine, replaced
 from probe.motion.tour import Order
 
@@ -23,6 +22,10 @@ RETURNS = 8  # times that touches at ways which moving them has blocked are put 
 SEARCHES = 40  # local ones for 50 touches that are refined then, fewer for more: they are nearer to the bound anyway
 SWEEPS = 2  # of moving touches: a third gains nothing that counts
 FEWER = 16  # of them, where each compares sets by a criterion with kinks
+PRICING = 0.5  # of the seconds that are given
+EXCHANGE = 0.2  # of them
+LATE = 0.8  # of them, after which no exchange begins
+ENOUGH = 1e-3  # that exchange and refinement have to gain for others to follow
 Say = Callable[[str, float], None]
 
 
@@ -34,7 +37,9 @@ class Choice:
     order: Order
     joined: int = 0  # touches on offer but those that no clear way was found to, where that was asked
     efficiency: float | None = None  # against the bound on these
-    manifold: float | None = None  # against the bound on all touches, as far as they were looked for
+    manifold: float | None = None  # against the bound on all touches, as far as they were priced
+    certificate: Certificate | None = None  # that bound
+    offered: int = 0  # touches on offer, polished ones with them, where there are such
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,7 @@ class Setting:
     rng: np.random.Generator
     draws: int = 0  # robots that the touches have to suit, besides the most likely one
     worst: bool = False
+    seconds: float | None = None  # for columns and exchange; None: as many rounds as a plan needs
 
     @property
     def coordinates(self) -> Coordinates:
@@ -71,22 +77,62 @@ class Setting:
             touches = self.offered.candidates.take(visit.order.index)
             order = self._ordered(touches)
             return Choice(touches.take(order.index), order)
+        return self._optimal(n, say)
+
+    def _optimal(self, n: int, say: Say) -> Choice:
+        """Column generation over the manifold, exchange, refinement; with `seconds` exchange and refinement again."""
+        begin = time.perf_counter()
         say("choosing", 0.0)
-        pick = Best(self.offered, n, self.criterion, searches=self._searches(n))
-        visit = visited(self.offered, pick, self.rng, linked(pick))
-        bound, joined = pick.bound(visit.allowed), int(visit.allowed.sum())
-        touches = self.offered.candidates.take(visit.order.index)
-        say("refining", 0.5)
         refinement = Refinement(self.coordinates, self.offered.feasibility)
-        touches, found = self._refined(refinement, touches, lambda share: say("refining", 0.5 + 0.3 * share))
-        M = self.coordinates.information(self.coordinates.rows(touches.rows(self.offered.cell)))
-        efficiency, phi = self._efficiency(M, bound), self.measure.phi(M)
-        if not self.measure.certified:
-            return Choice(touches, found, joined, efficiency)
-        say("bounding", 0.8)
-        allowed = self.offered.candidates.take(visit.allowed)
-        manifold = certify(refinement, allowed, pick.rows[visit.allowed], bound.support, n)
-        return Choice(touches, found, joined, efficiency, phi / manifold.level)
+        manifold = self._columns(refinement, n, lambda share: say("pricing", 0.1 + 0.3 * share))
+        certificate = manifold.certificate
+        say("exchanging", 0.4)
+        offered = self.offered.with_candidates(manifold.touches)
+        seconds = None if self.seconds is None else self.seconds * EXCHANGE
+        pick = Best(offered, n, self.criterion, searches=self._searches(n), seconds=seconds)
+        visit = visited(offered, pick, self.rng)
+        bound, touches = pick.bound(visit.allowed), offered.candidates.take(visit.order.index)
+        say("refining", 0.7)
+        touches, order = self._refined(refinement, touches, lambda share: say("refining", 0.7 + 0.3 * share))
+        while self.seconds is not None and time.perf_counter() - begin < LATE * self.seconds:
+            better = self._again(refinement, offered.with_candidates(manifold.touches.take(visit.allowed)), touches)
+            if better is None:
+                break
+            touches, order = better
+        phi = self._phi(touches)
+        covered = phi / certificate.level if self.measure.certified else None
+        efficiency = phi / bound.level if np.isfinite(bound.level) else None
+        among, count = int(visit.allowed.sum()), len(self.offered.candidates) + certificate.joined
+        return Choice(touches, order, among, efficiency, covered, certificate, count)
+
+    def _columns(self, refinement: Refinement, n: int, progress: Callable[[float], None]) -> Manifold:
+        """The touches on offer that clear ways join, and polished ones."""
+        pick = Best(self.offered, n, self.criterion)
+        allowed, core = linked(pick)
+        return generate_columns(
+            refinement,
+            self.offered.candidates.take(allowed),
+            pick.rows[allowed],
+            self.measure.relaxed,
+            pick.bound(allowed),
+            joined=lambda touches: joined(self.offered, core, touches),
+            seconds=None if self.seconds is None else self.seconds * PRICING,
+            progress=progress,
+        )
+
+    def _again(
+        self, refinement: Refinement, offered: CandidateSet, touches: Candidates
+    ) -> tuple[Candidates, Order] | None:
+        """The touches exchanged with candidates and refined once more; None if that tells no more."""
+        count, n = len(offered.candidates), len(touches)
+        offered = offered.with_candidates(offered.candidates.followed_by(touches))
+        pick = Best(offered, n, self.criterion, searches=self._searches(n))
+        start = np.arange(count, count + n)
+        visit = visited(offered, lambda allowed, before: pick(allowed, start if before is None else before), self.rng)
+        better, order = self._refined(refinement, offered.candidates.take(visit.order.index), lambda share: None)
+        if order.blocked or self._phi(better) < self._phi(touches) * (1 + ENOUGH):
+            return None
+        return better, order
 
     def _searches(self, n: int) -> int:
         return SEARCHES * 50 // max(50, n) if self.measure.formula.exact else FEWER
@@ -122,5 +168,7 @@ class Setting:
         """A short order of touches, which are in a good one already."""
         return self.offered.visit(touches, self.rng, start=np.arange(len(touches)), above=above)[0]
 
-    def _efficiency(self, M: Float[np.ndarray, "kept kept"], bound: ApproximateDesign) -> float | None:
-        return self.measure.phi(M) / bound.level if np.isfinite(bound.level) else None
+    def _phi(self, touches: Candidates) -> float:
+        """The criterion of touches and what is known before, of degree one in the information."""
+        rows = self.coordinates.rows(touches.rows(self.offered.cell))
+        return self.measure.phi(self.coordinates.information(rows))

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.uncertainty.coordinates import Coordinates
+from oed.candidates.candidates import Candidates
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
 from oed.design.constraints import Rules
@@ -69,8 +70,11 @@ def visited(
     return best
 
 
-def linked(best: "Best") -> Bool[np.ndarray, " touches"]:
-    """The touches on offer without those that no clear way seems to join to most of what the relaxation uses."""
+def linked(best: "Best") -> tuple[Bool[np.ndarray, " touches"], Candidates]:
+    """The touches on offer without those that no clear way seems to join to most of what the relaxation uses.
+
+    Returned with those of it that clear ways join.
+    """
     offered, n = best.offered, best.n
     cell, at, allowed = offered.cell, offered.candidates.approach, np.ones(len(offered.candidates), dtype=bool)
     for _ in range(TRIES):
@@ -83,7 +87,15 @@ def linked(best: "Best") -> Bool[np.ndarray, " touches"]:
         if main.all() or fewer.sum() < n:
             break
         allowed = fewer
-    return allowed
+    return allowed, offered.candidates.take(used[main])
+
+
+def joined(offered: CandidateSet, core: Candidates, touches: Candidates) -> Bool[np.ndarray, " touches"]:
+    """Which touches clear ways seem to join to most of a core."""
+    if not len(touches):
+        return np.zeros(0, dtype=bool)
+    group = offered.groups(core.followed_by(touches))
+    return np.asarray(group[len(core) :] == np.argmax(np.bincount(group[: len(core)])))
 
 
 def _mended(
@@ -113,7 +125,8 @@ class Best:
     """Choose what is best by a criterion: searched for among what the relaxation nearly uses, then among all.
 
     `tip` holds the rows of the points that are to be exact, by all unknowns, those of the tip in the weld zone if not
-    given; `searches` are local ones, fewer where touches have to be chosen again.
+    given; `searches` are local ones, fewer where touches have to be chosen again; with `seconds` the first choice takes
+    so long.
     """
 
     offered: CandidateSet
@@ -121,6 +134,7 @@ class Best:
     criterion: str | Criterion
     tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
     searches: int = FEW
+    seconds: float | None = None
 
     def __call__(
         self, allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None
@@ -131,9 +145,10 @@ class Best:
             before = replace(self, criterion=self.measure.relaxed)(allowed, None)
         start = None if before is None else np.searchsorted(some, np.intersect1d(before, some))
         searches = self.searches if before is None else min(self.searches, FEW)
+        seconds = self.seconds if before is None else None
         found = exact_design(
             self.rows[some], self.n, self.measure, relaxation=self.bound(allowed), start=start,
-            iterations=searches, prior=self.coordinates.precision,
+            iterations=searches, seconds=seconds, prior=self.coordinates.precision,
             positions=_places(self.offered)[some], min_distance=1.0,
         )  # fmt: skip
         return some[found.indices]

@@ -1,71 +1,166 @@
-"""How good a plan is against the best that any touches could be, not only the candidates.
+"""Column generation over the manifold of touches, and how good a plan is against the best that any touches could be.
 
-A concave criterion lies below its tangent (Kiefer and Wolfowitz 1960): with S from the best weights on the candidates,
+A concave criterion lies below its tangent (Kiefer and Wolfowitz 1960): with S from the best weights on some candidates,
 prior information P and touch rows f, no n touches have more than
 
     phi(M)  <=  tr(S M)  <=  tr(S P) + n max f'Sf
 
-The maximum runs over the whole manifold of touches: postures on faces within tilt, limits and insets. It is looked for
-from the candidates that gain most, which are structured to hold its maxima, each polished by Ipopt. Clearance is not
-asked of them, which can only raise the bound; a maximum in no basin of these starts would be missed.
+The maximum runs over the manifold: all postures on faces, within tilt, limits and insets, that can be made. It is
+looked for by pricing: all candidates, which lie on a grid of corners and edges, tilts, rolls and branches of the
+inverse kinematics, then those that gain most, no two alike, each polished by Ipopt. A polished touch joins the
+candidates where it can be made, the best weights are computed again, and so on: the bound falls and the candidates
+become better. Polishing from many starts finds many maxima and proves nothing about others: a certificate says how
+many touches were priced and polished.
 """
 
-from dataclasses import dataclass, replace
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from oed.candidates.candidates import Candidates
+from oed.criteria.criterion import Criterion
 from oed.design.matrix import sensitivities
+from oed.design.relaxation import ApproximateDesign, approximate_design
 from oed.refinement.coordinate import Refinement
 
-STARTS = 32
+STARTS = 32  # polished in a round
 NEAR = 0.5  # [rad], starts of one face that are nearer than this in every joint would be polished to the same maximum
+ROUNDS = 4  # where no time is given
+MET = 0.01  # of the bound: candidates this near to it gain nothing that counts
+GAP = 3e-3  # of a relaxation: its bound holds at any gap
+NEARLY = 0.98  # of the largest gain: polished touches that gain less change nothing
+CLOSE = 0.8  # of the largest gain: other candidates hardly carry weight in the next round
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What no set of touches can beat, as far as it was looked for."""
+    """What no set of touches that can be made exceeds, as far as touches were priced."""
 
     level: float  # that phi of the information of n touches does not exceed
-    starts: int  # touches polished to find the one that gains most
-    gain: float  # of the best touch on the manifold over the best candidate, less 1
+    priced: int  # candidates on the grid and polished touches that were compared
+    polished: int  # starts of Ipopt
+    rounds: int
+    joined: int  # polished touches that joined the candidates
+
+    @property
+    def covers(self) -> str:
+        """One sentence for people."""
+        return (
+            "all touches of the faces that can be made, as far as they were priced: "
+            f"{self.priced} on a grid of corners, edges, tilts, rolls and branches, {self.polished} of them polished "
+            f"in {self.rounds} {'round' if self.rounds == 1 else 'rounds'}; a search, not a proof"
+        )
 
 
-def certify(
+@dataclass(frozen=True, eq=False)
+class Manifold:
+    """Candidates and the polished touches that joined them, and what bounds them."""
+
+    touches: Candidates
+    rows: Float[np.ndarray, "touches kept"]
+    relaxation: ApproximateDesign  # of these rows
+    certificate: Certificate
+
+
+def generate_columns(
     refinement: Refinement,
     touches: Candidates,
     rows: Float[np.ndarray, "touches kept"],
-    S: Float[np.ndarray, "kept kept"],
-    n: int,
-) -> Certificate:
-    """Bound the criterion that S supports for n touches, over the manifold around candidates with their rows.
+    criterion: Criterion,
+    relaxation: ApproximateDesign,
+    *,
+    joined: Callable[[Candidates], Bool[np.ndarray, " touches"]] | None = None,
+    rounds: int = ROUNDS,
+    seconds: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Manifold:
+    """Column generation: polished touches join the candidates until the bound over the manifold is met.
 
-    The bound is tight where S supports at nearly the best information that there is.
+    It ends after so many rounds at the latest. With `seconds` it goes on until these are over, or the bound is met
+    and something like each of the best candidates was polished; what it finds then depends on the machine. The
+    relaxation is that of the candidates, for the number of touches to choose; `joined` says which touches clear ways
+    join to the others, all if not given.
     """
-    gains = sensitivities(rows, S)
-    starts = _starts(touches, gains)
-    best = max(gains.max(), _polished(refinement, touches.take(starts), S))
-    level = float(np.sum(S * refinement.coordinates.precision) + n * best)
-    return Certificate(level, len(starts), float(best / gains.max() - 1))
-
-
-def _starts(touches: Candidates, gains: Float[np.ndarray, " touches"]) -> np.ndarray:
-    """The touches that gain most, no two alike."""
-    chosen = list[int]()
-    for i in np.argsort(-gains, kind="stable")[: 50 * STARTS]:
-        same = [k for k in chosen if touches.face[k] == touches.face[i]]
-        if not same or np.abs(touches.q[same] - touches.q[i]).max(axis=1).min() > NEAR:
-            chosen.append(int(i))
-        if len(chosen) == STARTS:
+    P, n, begin, polished = refinement.coordinates.precision, relaxation.touches, time.perf_counter(), 0
+    count, S, supports, explored = len(touches), relaxation.support, list[np.ndarray](), np.zeros(len(touches), bool)
+    while True:
+        starts, explored = _starts(touches, sensitivities(rows, S), explored)
+        more = _polished(refinement, touches.take(starts), S, NEARLY * float(sensitivities(rows, S).max()))
+        more = more if joined is None else more.take(joined(more))
+        touches, rows = touches.followed_by(more), np.vstack([rows, _rows(refinement, more)])
+        explored = np.append(explored, np.ones(len(more), bool))
+        polished += len(starts)
+        supports.append(S)
+        gains = [sensitivities(rows, T) for T in supports]
+        levels = [float(np.sum(T * P) + n * gain.max()) for T, gain in zip(supports, gains, strict=True)]
+        share = len(supports) / rounds if seconds is None else (time.perf_counter() - begin) / seconds
+        if progress:
+            progress(min(share, 1.0))
+        close = gains[-1] > CLOSE * gains[-1].max()
+        next_design = approximate_design(rows[close], criterion, GAP, touches=n, prior=P)
+        met = min(levels) < (1 + MET) * next_design.level
+        if share >= 1 or (met and (seconds is None or explored[close].all())):
             break
-    return np.array(chosen)
+        S = next_design.support
+    relaxation = approximate_design(rows, criterion, GAP, touches=n, prior=P)
+    certificate = Certificate(min(levels), len(rows), polished, len(supports), len(rows) - count)
+    return Manifold(touches, rows, relaxation, certificate)
 
 
-def _polished(refinement: Refinement, touches: Candidates, S: Float[np.ndarray, "kept kept"]) -> float:
-    """The largest f'Sf that Ipopt finds from touches."""
+def _starts(
+    touches: Candidates, gains: Float[np.ndarray, " touches"], explored: Bool[np.ndarray, " touches"]
+) -> tuple[Int[np.ndarray, " starts"], Bool[np.ndarray, " touches"]]:
+    """The touches that gain most, no two alike: half of all, and half of those that nothing alike was polished of.
+
+    Returned with what is explored then.
+    """
+    first = _unlike(touches, gains, np.zeros(len(touches), bool), STARTS // 2)
+    explored = explored | _alike(touches, first)
+    second = _unlike(touches, gains, explored, STARTS - len(first))
+    return np.concatenate([first, second]), explored | _alike(touches, second)
+
+
+def _unlike(
+    touches: Candidates, gains: Float[np.ndarray, " touches"], without: Bool[np.ndarray, " touches"], many: int
+) -> Int[np.ndarray, " starts"]:
+    """The touches that gain most, no two alike."""
+    remaining, chosen = np.where(without, -np.inf, gains), list[int]()
+    while len(chosen) < many and np.isfinite(best := remaining.max()) and best > 0:
+        k = int(np.argmax(remaining))
+        chosen.append(k)
+        remaining[_alike(touches, np.array([k]))] = -np.inf
+    return np.array(chosen, dtype=int)
+
+
+def _alike(touches: Candidates, index: Int[np.ndarray, " some"]) -> Bool[np.ndarray, " touches"]:
+    """The touches that would be polished to the same maximum as some of them."""
+    near = np.zeros(len(touches), bool)
+    for i in index:
+        near |= (touches.face == touches.face[i]) & (np.abs(touches.q - touches.q[i]).max(axis=1) < NEAR)
+    return near
+
+
+def _polished(
+    refinement: Refinement, touches: Candidates, S: Float[np.ndarray, "kept kept"], least: float
+) -> Candidates:
+    """The touches that can be made on the way from each one to where Ipopt finds the largest f'Sf.
+
+    The best of each way, if it gains at least so much.
+    """
     every = np.broadcast_to(S, (len(touches), *S.shape))
-    q = refinement.best(touches, np.zeros(every.shape), every)
-    moved = replace(touches, q=q, approach=touches.approach + q - touches.q)
-    f = refinement.coordinates.rows(moved.rows(refinement.cell))
-    return float(sensitivities(f, S).max())
+    goals = refinement.best(touches, np.zeros(every.shape), every)
+    trials, owner = refinement.approaches(touches, goals)
+    if not len(trials):
+        return trials
+    gains = sensitivities(_rows(refinement, trials), S)
+    order = np.lexsort((-gains, owner))
+    _, first = np.unique(owner[order], return_index=True)
+    best = order[first]
+    return trials.take(best[gains[best] >= least])
+
+
+def _rows(refinement: Refinement, touches: Candidates) -> Float[np.ndarray, "touches kept"]:
+    return refinement.coordinates.rows(touches.rows(refinement.cell))

@@ -48,7 +48,7 @@ class Refinement:
     def solver(self) -> ca.Function:
         """Ipopt on max f'Sf / (1 + f'Cf), compiled once for all touches and faces.
 
-        With a = f'Sf, b = 1 + f'Cf, J the Jacobian of f and w the gradient of the gain by f, the Hessian is handed over:
+        With a = f'Sf, b = 1 + f'Cf, J the Jacobian of f and w the gradient of the gain by f, the Hessian is
         J' [2 S / b - 4 (S f f'C + C f f'S) / b^2 - 2 a C / b^2 + 8 a C f f'C / b^3] J + sum_k w_k Hess f_k.
         """
         program, k = self.program, len(self.coordinates)

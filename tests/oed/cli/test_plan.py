@@ -142,7 +142,7 @@ def test_the_command_tells_the_promise_the_curve_the_certificates_and_what_limit
         "95 % [mm]",
         "indices: O1 ",
         "touches on offer that clear ways join",
-        "of the best possible over all touches of the faces, clear of the jig or not",
+        "of the best possible over all touches of the faces that can be made",
         "wrote ",
     ):
         assert words in made.out
@@ -182,6 +182,7 @@ def cell_file(tmp_path):
         (["--criterion", "X"], "criterion 'X' is not known"),
         (["--target", -1], "target -1 mm: write the 95 % tip error"),
         (["--robust", -2], "--robust is -2"),
+        (["--seconds", 0], "seconds 0: write how long the plan may search, above 0"),
         (["--target", 0.01], "no number of touches can promise it.*alone leaves 0.0"),
     ],
 )

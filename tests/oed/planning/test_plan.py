@@ -184,7 +184,7 @@ def test_postures_with_the_elbow_bent_past_the_shoulder_are_left_out(offered):
     """Forearm or torch would have to pass through the shoulder to unbend it: nothing leads there from the others."""
     bent = offered.candidates.q[:, 2] > np.radians(108)
 
-    joined = linked(Best(offered, N, "V"))
+    joined, _ = linked(Best(offered, N, "V"))
 
     assert bent.sum() > 20
     assert joined[bent].mean() < 0.1
