@@ -30,13 +30,14 @@ from probe.programs.log import (
     fault,
     header,
 )
+from probe.programs.options import Options
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, folded, percent
 from probe.programs.routine import Joints, Routine
 
 SCRATCH = 3  # position registers: approach, end of the search, latch
 NUMBERS = 10  # registers before the codes: the header, then index, latch, seconds, rest, failures, percent
-POSITION_REGISTERS = 100
+POSITION_REGISTERS, NUMERIC_REGISTERS = 100, 200  # of a controller as it is delivered
 COMMENT = 32  # characters of a remark
 LONGEST = 3200.0  # [s] of a motion
 
@@ -61,9 +62,10 @@ INSTRUCTIONS = Instructions(
 )
 
 
-def capacity(registers: int | None) -> int:
-    """Touches in one file: two position registers each."""
-    return ((registers or POSITION_REGISTERS) - SCRATCH) // 2
+def capacity(options: Options) -> int:
+    """Touches in one file: two position registers and a numeric one each."""
+    rest = (options.registers or POSITION_REGISTERS) - options.first + 1
+    return min((rest - SCRATCH) // 2, NUMERIC_REGISTERS - options.first + 1 - NUMBERS)
 
 
 def write(part: Part) -> dict[str, str]:

@@ -31,6 +31,7 @@ from probe.programs.log import (
     fault,
     header,
 )
+from probe.programs.options import Options
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, joined, percent
 from probe.programs.routine import Joints
@@ -62,9 +63,9 @@ INSTRUCTIONS = Instructions(
 )
 
 
-def capacity(registers: int | None) -> int:
+def capacity(options: Options) -> int:
     """Touches in one file; arrays have room for any number."""
-    return registers or TOUCHES
+    return options.registers or TOUCHES
 
 
 def write(part: Part) -> dict[str, str]:

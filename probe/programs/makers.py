@@ -28,7 +28,7 @@ class Maker:
     signal: str  # pattern of the notation of a touch input
     example: str  # of that notation, and the usual
     tool: str  # pattern of what names a tool or a frame
-    capacity: Callable[[int | None], int]
+    capacity: Callable[[Options], int]
     write: Callable[[Part], dict[str, str]]
     read: Callable[[Sequence[Path], Robot, int], list[Log]]
 
@@ -76,9 +76,11 @@ def program(plan: Plan, cell: Cell, name: str, options: Options) -> dict[str, st
     speed = round(options.search_speed or cell.touch.speed, 3)
     options = replace(options, search_speed=speed)
     touches = routines(plan, cell, options, straight=maker.straight)
-    capacity = maker.capacity(options.registers)
+    capacity = maker.capacity(options)
     if capacity < 1:
-        raise InputError(f"--registers is {options.registers}: too few for one touch on {maker.instructions.title}")
+        raise InputError(
+            f"no register is left for a touch on {maker.instructions.title}: lower --first-register, or raise --registers"
+        )
     files = parts(touches, options, stamp(plan, cell.robot, name), speed, cell.robot, capacity)
     return {k: text for part in files for k, text in maker.write(part).items()} | {
         PAGE: page(maker.instructions, maker.example, files, options)

@@ -17,6 +17,7 @@ import numpy as np
 from identify.model.files import InputError, read_text
 from identify.model.robot import Robot
 from probe.programs.log import CLOSED, HELD, MISSED, OPENED, TOUCHED, Log, read_lines
+from probe.programs.options import Options
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, joined
 from probe.programs.routine import Joints
@@ -43,9 +44,9 @@ INSTRUCTIONS = Instructions(
 )
 
 
-def capacity(registers: int | None) -> int:
+def capacity(options: Options) -> int:
     """Touches in one script; nothing but its size limits them."""
-    return registers or TOUCHES
+    return options.registers or TOUCHES
 
 
 def write(part: Part) -> dict[str, str]:

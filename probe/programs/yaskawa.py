@@ -32,11 +32,12 @@ from probe.programs.log import (
     fault,
     header,
 )
+from probe.programs.options import Options
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, folded, joined
 from probe.programs.routine import Joints
 
-POSITION_VARIABLES = 128
+POSITION_VARIABLES, BYTE_VARIABLES = 128, 100  # of a controller as it is delivered
 CODES = 10  # byte variables before the codes: flags and counters
 COMMENT = 31  # characters of a remark
 SLOWEST = 0.1  # [mm/s]
@@ -64,9 +65,10 @@ INSTRUCTIONS = Instructions(
 )
 
 
-def capacity(registers: int | None) -> int:
-    """Touches in one job: two position variables each."""
-    return (registers or POSITION_VARIABLES) // 2
+def capacity(options: Options) -> int:
+    """Touches in one job: two position variables and a byte variable each."""
+    rest = (options.registers or POSITION_VARIABLES) - options.first + 1
+    return min(rest // 2, BYTE_VARIABLES - options.first + 1 - CODES)
 
 
 def write(part: Part) -> dict[str, str]:

@@ -14,7 +14,7 @@ from kuka_krl import shown
 from maker_bench import Bench, make
 
 from identify.model.files import InputError
-from probe.programs import abb, fanuc, kuka, ur, yaskawa
+from probe.programs import fanuc, kuka, ur
 from probe.programs.evidence import imported
 from probe.programs.log import STAMPS, stamp
 from probe.programs.makers import MAKERS, read_logs
@@ -169,4 +169,3 @@ def test_a_stream_is_read_until_the_robot_says_end_or_hangs_up(ending, logs):
     listener.join(10)
 
     assert heard == [sent if ending == "end" else sent[: sent.rindex("\nr") + 1]]
-    assert {abb.capacity(None), yaskawa.capacity(None)} == {200, 64}

@@ -108,7 +108,7 @@ def test_the_page_says_what_to_set_how_to_load_it_and_what_comes_back(maker, few
         ("ur", Options(input="8"), "--input is '8'"),
         ("ur", Options(wait=0.1), "--wait is 0.1, expected 0.3 to 10"),
         ("ur", Options(search_speed=-1.0), "search_speed is -1, expected more than 0"),
-        ("fanuc", Options(registers=4), "--registers is 4: too few for one touch"),
+        ("fanuc", Options(registers=4), "no register is left for a touch"),
         ("fanucc", Options(), "did you mean 'fanuc'?"),
     ],
 )
@@ -117,6 +117,21 @@ def test_an_option_that_a_controller_cannot_take_is_named_with_its_cure(few, mak
         program(few.plan, few.cell, maker, options)
 
     assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("maker", "options", "touches"),
+    [
+        ("fanuc", Options(), 48),  # 100 position registers, three of them for the routine
+        ("fanuc", Options(first=31), 33),
+        ("fanuc", Options(registers=1000), 190),  # 200 numeric registers, ten of them for the routine
+        ("yaskawa", Options(), 64),  # 128 position variables
+        ("yaskawa", Options(first=41), 44),
+        ("yaskawa", Options(first=71), 20),  # 100 byte variables, ten of them for the job
+    ],
+)
+def test_a_file_holds_as_many_touches_as_there_are_registers_behind_the_first(maker, options, touches):
+    assert MAKERS[maker].capacity(options) == touches
 
 
 def test_pulses_that_are_not_known_are_asked_for(few):
