@@ -78,9 +78,8 @@ def program(plan: Plan, cell: Cell, name: str, options: Options) -> dict[str, st
     touches = routines(plan, cell, options, straight=maker.straight)
     capacity = maker.capacity(options)
     if capacity < 1:
-        raise InputError(
-            f"no register is left for a touch on {maker.instructions.title}: lower --first-register, or raise --registers"
-        )
+        title = maker.instructions.title
+        raise InputError(f"no register is left for a touch on {title}: lower --first-register, or raise --registers")
     files = parts(touches, options, stamp(plan, cell.robot, name), speed, cell.robot, capacity)
     return {k: text for part in files for k, text in maker.write(part).items()} | {
         PAGE: page(maker.instructions, maker.example, files, options)
