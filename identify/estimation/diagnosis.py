@@ -146,6 +146,8 @@ def _changes(case: _Case) -> tuple[Residuals, list[Finding]]:
 
 def _stick_out(case: _Case, residuals: Residuals) -> _Change | None:
     """A wire that is longer or shorter from some touch on."""
+    if not any(isinstance(table, Touches) for table in case.measured):  # there is no wire
+        return None
     places, change, sure = _cut(case, residuals)
     if abs(sure) < _sure(len(case.rows.ids)):
         return None

@@ -131,7 +131,8 @@ def _agreeing(extended: Extended, posterior: Posterior, used: Bool[np.ndarray, "
     r = linear.y - linear.A @ posterior.mean
     own = ((linear.A @ posterior.covariance) * linear.A).sum(axis=1)
     noise = posterior.noise**2
-    variance = np.where(used, np.maximum(noise - own, 0.05 * noise), noise + own)
+    # the spread between models widens `own` beyond the leverage of a row
+    variance = np.where(used, np.maximum(noise - own, 0.5 * noise), noise + own)
     size = np.zeros(len(extended.rows.ids))
     np.maximum.at(size, extended.rows.owner, np.abs(r) / np.sqrt(variance))
     return (size <= limit(len(r)))[extended.rows.owner]
