@@ -135,7 +135,7 @@ def test_an_early_contact_ends_a_move_and_is_told(controller, plan):
 
 
 def test_an_interrupted_search_is_stopped_on_its_way_and_leaves_no_latch(controller, monkeypatch):
-    def interrupted() -> None:
+    def interrupted(watch: object = None) -> None:
         time.sleep(0.4)
         raise KeyboardInterrupt
 
@@ -159,7 +159,7 @@ def test_an_aborted_search_is_not_a_miss(machine, controller, monkeypatch, takes
     other = Shell(machine.inside(lambda: SerialTransport(RSH)), Clock())
     settle = controller._machine.settle
 
-    def aborted() -> None:
+    def aborted(watch: object = None) -> None:
         time.sleep(0.3)
         if takes_control:
             other.greet()
@@ -176,7 +176,8 @@ def test_an_aborted_search_is_not_a_miss(machine, controller, monkeypatch, takes
     other.transport.close()
 
 
-def test_a_search_whose_line_breaks_goes_on_and_is_still_told(machine, controller, plan, monkeypatch):
+def test_a_search_whose_line_breaks_is_stopped_and_is_no_touch(machine, controller, plan, monkeypatch):
+    """Nobody watches a motion while the line is broken: it used to go on to its end."""
     controller.move(plan.approach[0], 1.0)
     transport, wire = controller._shell.transport, controller._shell.transport.write
 
@@ -188,12 +189,11 @@ def test_a_search_whose_line_breaks_goes_on_and_is_still_told(machine, controlle
 
     with monkeypatch.context() as patch:
         patch.setattr(transport, "write", write)
-        number = controller.sequence
-        found = machine.inside(lambda: controller.search(2 * plan.q[0] - plan.approach[0], RATE / 4))
+        with pytest.raises(Refused) as refused:
+            machine.inside(lambda: controller.search(2 * plan.q[0] - plan.approach[0], RATE / 4))
     controller.move(plan.approach[0], RATE)
 
-    assert isinstance(found, Contact)
-    assert found.sequence == number
+    assert refused.value.code == "STOPPED"
 
 
 @pytest.mark.parametrize(
