@@ -77,8 +77,7 @@ class Clearance:
             return None
         from probe.motion.mesh_distance import Exact
 
-        rest = self.capsules[len(self.bodies) :]
-        return Exact([*(body.shape for body in self.bodies), *rest], self.solids)
+        return Exact([*(body.shape for body in self.bodies), *self.capsules[len(self.bodies) :]], self.solids)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -94,11 +93,6 @@ class Clearance:
     def boxes(self) -> tuple[Boxes, ...]:
         """The boxes around all obstacles, those with the same axes together."""
         return boxes_around(self.solids)
-
-    @cached_property
-    def _pairs(self) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
-        first, second = np.array(self.pairs, dtype=int).reshape(-1, 2).T
-        return first, second
 
     @cached_property
     def radius(self) -> Float[np.ndarray, " capsules"]:
@@ -201,7 +195,7 @@ class Clearance:
         out: Int[np.ndarray, " postures"],
     ) -> None:
         """Note the postures in which arm and torch come too near to each other in `out`."""
-        first, second = self._pairs
+        first, second = np.array(self.pairs, dtype=int).reshape(-1, 2).T
         reach = (self.radius[first] + self.radius[second])[:, None]
         p, m = near_segments(*ends, first, second, np.maximum(margin, 0.0) + reach)
         for k in np.unique(p).tolist():
@@ -223,16 +217,15 @@ class Clearance:
 
     @cached_property
     def _shaped_pairs(self) -> Bool[np.ndarray, "capsules obstacles"]:
-        pairs = [[self.shaped((i, None, k)) for k in range(len(self.solids))] for i in range(len(self.capsules))]
-        return np.array(pairs, dtype=bool).reshape(len(self.capsules), len(self.solids))
+        i, k = range(len(self.capsules)), range(len(self.solids))
+        return np.array([[self.shaped((a, None, b)) for b in k] for a in i], dtype=bool).reshape(len(i), len(k))
 
     def shaped(self, pair: "Pair") -> bool:
         """Whether a pair is of shapes that can be asked themselves."""
         if self.exact is None:
             return False
-        i, j, k = pair
-        count = len(self.bodies)
-        return i < count or (j is not None and j < count) or (k is not None and self.solids[k].shape is not None)
+        *links, k = pair
+        return min(i for i in links if i is not None) < len(self.bodies) or bool(k is not None and self.solids[k].shape)
 
     def segments_near(self, start: Points, end: Points, need: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Segments, of a bare wire for instance, that come nearer to any obstacle than `need` [mm]."""
@@ -241,13 +234,12 @@ class Clearance:
             a, b = boxes.seen(start[:, None]), boxes.seen(end[:, None])
             _, k, m = near_boxes(a, b, boxes.lower, boxes.upper, need[None, None])
             k = boxes.owner[k]
-            shaped = np.array([self.exact is not None and self.solids[i].shape is not None for i in k], dtype=bool)
-            out[m[~shaped]] = True
-            for i in np.unique(k[shaped]).tolist():
-                assert self.exact is not None
-                rows = np.unique(m[shaped & (k == i)])
-                rows = rows[~out[rows]]
-                out[rows[self.exact.segments_near(i, start[:, rows], end[:, rows], need[rows])]] = True
+            for i in np.unique(k).tolist():
+                rows = np.unique(m[k == i])
+                if self.exact is not None and self.solids[i].shape is not None:
+                    rows = rows[~out[rows]]
+                    rows = rows[self.exact.segments_near(i, start[:, rows], end[:, rows], need[rows])]
+                out[rows] = True
         return out
 
     def segment_gaps(self, start: Points, end: Points, most: float = np.inf) -> Float[np.ndarray, " rows"]:
@@ -302,5 +294,5 @@ class Clearance:
         least[rows] = np.minimum(least[rows], gap)
 
     def _chunks(self, rows: int) -> Iterator[slice]:
-        pairs = len(self.capsules) * max(sum(len(boxes.owner) for boxes in self.boxes), len(self.pairs), 1)
-        return slices(rows, max(CHUNK // max(pairs, 1), 64))
+        boxes = sum(len(boxes.owner) for boxes in self.boxes)
+        return slices(rows, max(CHUNK // max(len(self.capsules) * max(boxes, len(self.pairs)), 1), 64))

@@ -211,6 +211,6 @@ def test_a_torch_that_was_found_shorter_than_drawn_can_still_touch(arc_welder):
     theta = arc_welder.theta.copy()
     theta[-4] -= 25.0  # more than the wire sticks out
 
-    found = candidates(arc_welder, np.random.default_rng(0), 300, theta=theta, covariance=np.zeros((len(theta),) * 2))
+    found = candidates(arc_welder, np.random.default_rng(0), 300, theta=theta, root=np.zeros((len(theta), 1)))
 
     assert len(found) == 300
