@@ -44,11 +44,21 @@ def _same_faces(a: Cell, b: Cell) -> Iterator[str]:
 
 
 def tip_errors(calibration: Calibration, q: Float[np.ndarray, "poses joints"]) -> TipErrors:
-    """Errors of the tip at poses, of robots like this one."""
+    """Errors of the tip at poses, of robots like this one.
+
+    What measurements scatter beyond their stated sigma may be the robot's, so it is part of the error.
+    """
     known = posterior(calibration)
-    return TipErrors(known.root(known.unknowns.tip_rows(q, known.theta)))
+    excess = calibration.cell.touch.sigma * np.sqrt(max(calibration.noise**2 - 1.0, 0.0))
+    own = np.broadcast_to(excess * np.eye(3), (len(q), 3, 3))
+    return TipErrors(np.concatenate([known.root(known.unknowns.tip_rows(q, known.theta)), own], axis=2))
 
 
 def zone_promise(calibration: Calibration) -> Promise:
-    """The tip error that a calibration promises in the weld zone; raises InputError if the robot reaches none of it."""
+    """The tip error that a calibration promises in the weld zone, the one of its file if that holds one.
+
+    Raises InputError if the robot reaches no pose of the zone.
+    """
+    if calibration.promise is not None:
+        return Promise(**calibration.promise)
     return promise(tip_errors(calibration, zone_poses(calibration.cell, calibration.theta)))
