@@ -9,8 +9,8 @@ calibration is compared with the tip error at 95 % of 300 other poses of the zon
 Answer, of 28 to 40 robots a line with 6,000 candidates: at a quarter of the priors the promise is kept by 94 % of the
 robots after 30 planned touches (29 met) and by 97 % after 60 (58 met), and is 1.49 and 1.38 times the delivered error
 in the median, with an RMS of 0.099 and 0.067 mm; 95 % intervals of parameters and faces cover 95 %. At the whole
-priors, robots some 50 mm off at the tip meet 42 of 60 touches; the promise is kept by 89 % of them, at 1.40 times the delivered
-error, 0.124 mm RMS in the median.
+priors, robots some 50 mm off at the tip meet 42 of 60 touches; the promise is kept by 89 % of them, at 1.40 times
+the delivered error, 0.124 mm RMS in the median.
 """
 
 from dataclasses import replace
