@@ -14,6 +14,7 @@ In the order in which data walks through:
     abb          ABB RAPID modules (.mod)
     yaskawa      Yaskawa jobs (.JBI)
     makers       the table of makers: one row each
+    backups      frames and tools in what controllers back up
     setup        what a program does not say: frames, tools, how joints are counted
     places       frames and tools of positions
     posture      in which posture a nominal robot reaches a position

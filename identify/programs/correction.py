@@ -27,9 +27,15 @@ class Corrected:
 
     record: Record
     values: Float[np.ndarray, " numbers"] | None = None  # in the record's order and units; None: left alone
-    shift: float = 0.0  # [mm] between the poses commanded before and after
+    move: Float[np.ndarray, " 3"] | None = None  # [mm] in the base, from the pose commanded before to that after
     why: str = ""  # why it is left alone
     notes: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()  # frame and tool that nobody states
+
+    @property
+    def shift(self) -> float:
+        """How far the commanded pose moves [mm]."""
+        return 0.0 if self.move is None else float(np.linalg.norm(self.move))
 
 
 def correct(calibration: Calibration, records: Sequence[Record], maker: Maker, setup: Setup) -> list[Corrected]:
@@ -87,7 +93,9 @@ class _Work:
             for i, choice in enumerate(chosen)
         ]
         return [
-            Corrected(record, why=why[i]) if why[i] else self._moved(record, place, wanted[i], command[i], still[i])
+            Corrected(record, why=why[i], assumed=place.taken)
+            if why[i]
+            else self._moved(record, place, wanted[i], command[i], still[i])
             for i, (record, place) in enumerate(pairs)
         ]
 
@@ -109,8 +117,8 @@ class _Work:
         T = place.frame_T_tool(after)
         near = euler_near if record.kind == "euler" else quaternion_near
         values = np.concatenate([T[:3, 3], near(T[:3, :3], record.values[3:])])
-        notes = place.taken if still else (*place.taken, f"{record.name}: {_CROSSED}")
-        return Corrected(record, values, float(np.linalg.norm(after[:3, 3] - before[:3, 3])), notes=notes)
+        notes = () if still else (f"{record.name}: {_CROSSED}",)
+        return Corrected(record, values, after[:3, 3] - before[:3, 3], notes=notes, assumed=place.taken)
 
     def joints(self, records: Sequence[Record]) -> list[Corrected]:
         """Positions of the joints."""
@@ -124,11 +132,11 @@ class _Work:
         T = inverse(transform(self.theta[:6])) @ tip_transform(self.calibration, q, self.theta)
         result = self._compensate(T, q)
         values, inside = self.robot.to_controller(result.q) * scale, within(self.robot, q)
-        shift = np.linalg.norm(result.command[:, :3] - T[:, :3, 3], axis=1)
+        move = result.command[:, :3] - T[:, :3, 3]
         done = dict[int, Corrected]()
         for k, i in enumerate(usable):
             why = result.why[k] if inside[k] else "joint limit: it stands beyond the limits of the model"
-            done[i] = Corrected(records[i], why=why) if why else Corrected(records[i], values[k], float(shift[k]))
+            done[i] = Corrected(records[i], why=why) if why else Corrected(records[i], values[k], move[k])
         return [done.get(i) or Corrected(record, why=left[i]) for i, record in enumerate(records)]
 
     def _compensate(self, base_T_tip: np.ndarray, q: np.ndarray) -> Compensation:

@@ -61,12 +61,24 @@ def _find(source: Source, setup: Setup) -> Found:
     if start is None:
         source.fail(len(source.text), "the program has no /POS; is it cut short?")
     motions = list(MOTION.finditer(source.text, 0, start.start()))
-    incremental = {m[3].strip() for m in motions if m[2] == "P" and re.search(r"\bINC\b", m[0])}
+    incremental, coordinated = (
+        {m[3].strip() for m in motions if m[2] == "P" and re.search(rf"\b{word}\b", m[0])} for word in ("INC", "COORD")
+    )
     records, others = list[Record](), set[int]()
     for name, line, groups in _positions(Scanner(source, start.end())):
-        records += [_record(name, line, g, incremental) for g in groups if g.number == setup.group]
+        records += [_record(name, line, g, incremental, coordinated) for g in groups if g.number == setup.group]
         others |= {g.number for g in groups} - {setup.group}
-    return Found(tuple(records), (*_mentions(source, motions), *_groups(source, others)))
+    return Found(
+        tuple(records),
+        (*_mentions(source, motions), *_groups(source, others)),
+        _used(source.text[: start.start()].partition("/MN")[2]),
+    )
+
+
+def _used(instructions: str) -> frozenset[str] | None:
+    """Names of the positions that instructions go to; None where a register chooses them, or no motion stands there."""
+    names = frozenset(f"P[{number}]" for number in re.findall(r"(?<![A-Za-z_])P\[\s*(\d+)", instructions))
+    return None if not names or re.search(r"\bP\[\s*A?R\[", instructions) else names
 
 
 def _positions(scan: Scanner) -> Iterator[tuple[str, int, list[Group]]]:
@@ -113,12 +125,13 @@ def _config(scan: Scanner) -> Config | None:
     return Config(letters[0] == "F", letters[1] == "U", letters[2] == "T", tuple(int(turn) for turn in turns))
 
 
-def _record(index: str, line: int, group: Group, incremental: set[str]) -> Record:
+def _record(index: str, line: int, group: Group, incremental: set[str], coordinated: set[str]) -> Record:
     """The record of the robot's group."""
     fields = group.fields or {}
     joints = [fields[f"J{i}"] for i in range(1, 10) if f"J{i}" in fields]
     left = "not taught: its numbers are stars" if group.untaught else ""
     left = left or ("incremental: it is used with INC" if index in incremental else "")
+    left = left or ("coordinated: its frame moves with another motion group" if index in coordinated else "")
     if joints:
         return Record(f"P[{index}]", line, "joints", tuple(joints), left=left)
     missing = [name for name in POSE if name not in fields]

@@ -1,10 +1,16 @@
-"""Correct programs: every position with a known frame and posture, in place, and a list of what was left alone."""
+"""Correct programs in place: a path whole or not at all, and a list of what holds it back.
+
+A path is all motions of one program (KUKA: a .src with its .dat). A corrected point beside one that is not would bend a
+seam by the whole correction, so one point that cannot be corrected leaves its path as it is. Positions that no motion
+goes to hold nothing back.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import unified_diff
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -26,7 +32,11 @@ class Fixed:
     before: bytes
     after: bytes
     shift: Float[np.ndarray, " corrected"]  # [mm], of the positions corrected
-    left: tuple[Mention, ...]  # positions that stayed as they were, and why
+    left: tuple[Mention, ...]  # positions that cannot be corrected, and why
+    whole: bool  # whether its path was corrected; a path is left as it is where a point of it cannot be corrected
+    held: int  # positions that could be corrected, and stay as they were with the path
+    step: float  # [mm], largest between the corrections of neighbouring positions
+    assumed: tuple[str, ...]  # frames and tools that the program does not say and no table names
     mentions: tuple[Mention, ...]  # what else a reader should know
 
     @cached_property
@@ -58,12 +68,29 @@ def fix(calibration: Calibration, programs: Mapping[str, bytes], setup: Setup | 
     )
     sources = {name: source_of(name, content) for name, content in programs.items()}
     found = _find(sources, setup)
-    done = {name: correct(calibration, found[name].records, maker_of(name), setup) for name in sources}
+    able = {name: correct(calibration, found[name].records, maker_of(name), setup) for name in sources}
+    stopped = {_path(name) for name in sources for one in able[name] if _stops(one, found[name])}
+    done = {name: [_held(one) for one in able[name]] if _path(name) in stopped else able[name] for name in sources}
     texts = {name: Source(name, _corrected(source, done[name], maker_of(name))) for name, source in sources.items()}
     again = _find(texts, setup)
     for name in sources:
         _check(sources[name], texts[name], done[name], found[name], again[name], maker_of(name))
-    return [_fixed(sources[name], texts[name], done[name], found[name]) for name in sources]
+    return [_fixed(sources[name], texts[name], done[name], found[name], _path(name) not in stopped) for name in sources]
+
+
+def _path(name: str) -> str:
+    """The path that the positions of a file belong to."""
+    return Path(name).stem.lower() if maker_of(name).pairs else name
+
+
+def _stops(one: Corrected, found: Found) -> bool:
+    """Whether a position leaves its path as it is."""
+    return bool(one.why) and (found.used is None or one.record.name in found.used)
+
+
+def _held(one: Corrected) -> Corrected:
+    """A position that stays as it is with its path."""
+    return one if one.why else replace(one, values=None, move=None)
 
 
 def _find(sources: Mapping[str, Source], setup: Setup) -> dict[str, Found]:
@@ -88,11 +115,15 @@ def _check(before: Source, after: Source, done: Sequence[Corrected], found: Foun
         raise NotFaithful(f"{before.name}: the corrected program does not read back as it should; nothing was written")
 
 
-def _fixed(before: Source, after: Source, done: Sequence[Corrected], found: Found) -> Fixed:
+def _fixed(before: Source, after: Source, done: Sequence[Corrected], found: Found, whole: bool) -> Fixed:
     left = tuple(Mention(before.name, one.record.line, one.record.name, one.why) for one in done if one.why)
+    moves = [one.move for one in done if one.move is not None]
+    steps = np.linalg.norm(np.diff(moves, axis=0), axis=1) if len(moves) > 1 else np.zeros(1)
     notes = dict.fromkeys(note for one in done for note in one.notes)
     return Fixed(
         before.name, before.text.encode("latin-1"), after.text.encode("latin-1"),
-        np.array([one.shift for one in done if one.values is not None]), left,
-        (*found.mentions, *(Mention(before.name, 0, "", note) for note in notes)),
+        np.array([one.shift for one in done if one.values is not None]), left, whole,
+        sum(one.values is None and not one.why for one in done), float(steps.max()),
+        tuple(dict.fromkeys(text for one in done for text in one.assumed)),
+        (*dict.fromkeys(found.mentions), *(Mention(before.name, 0, "", note) for note in notes)),
     )  # fmt: skip

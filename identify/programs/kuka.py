@@ -158,4 +158,4 @@ def fits(flags: tuple[int | None, int | None], postures: Postures) -> Bool[np.nd
     return allowed
 
 
-MAKER = Maker("KUKA", find, fits, {"euler": (3, 3, 3, 4, 4, 4), "joints": (4,) * 9}, binding=False)
+MAKER = Maker("KUKA", find, fits, {"euler": (3, 3, 3, 4, 4, 4), "joints": (4,) * 9}, binding=False, pairs=True)

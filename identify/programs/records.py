@@ -56,6 +56,7 @@ class Found:
 
     records: tuple[Record, ...]
     mentions: tuple[Mention, ...] = ()
+    used: frozenset[str] | None = None  # names of the positions that motions go to; None: all
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,5 +82,6 @@ class Maker:
     fits: Callable[[Any, Postures], Bool[np.ndarray, " solutions"]]  # which postures the flags allow
     decimals: Mapping[str, Sequence[int]]  # fewest, for each number of a kind of record
     coupled: bool = False  # whether joint 3 is shown against the horizontal, not against joint 2
+    pairs: bool = False  # whether files of one name and other endings are one program
     bare: bool = False  # whether .5 is written for 0.5
     binding: bool = True  # whether a posture that the flags do not describe any more is left alone

@@ -13,7 +13,7 @@ A frame that is not named is the robot's base, a tool that is not named the cell
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -29,6 +29,7 @@ from identify.model.io.entries import pose_of
 from identify.model.io.schema import JointsEntry, Number, PoseEntry, Strict
 from identify.model.joint_counting import AS_MODEL, JointCounting
 from identify.model.robot import Robot
+from identify.programs.backups import is_backup, read_backup
 
 
 class TableJoints(JointsEntry):
@@ -63,6 +64,18 @@ class Setup:
     fixed_to: Literal["jig", "robot"] = "jig"
     group: int = 1
     position_variables: bool = False
+
+
+def read_setups(paths: Sequence[Path], robot: Robot) -> Setup:
+    """One table from several files: backups of a controller and at most one YAML file, whose frames and tools win."""
+    tables = [path for path in paths if not is_backup(path)]
+    if len(tables) > 1:
+        raise InputError(f"{tables[1]}: one YAML table is enough; the other files are backups of the controller")
+    setup = read_setup(tables[0], robot) if tables else Setup()
+    for path in (path for path in paths if is_backup(path)):
+        frames, tools = read_backup(path)
+        setup = replace(setup, frames={**frames, **setup.frames}, tools={**tools, **setup.tools})
+    return setup
 
 
 def read_setup(path: Path, robot: Robot) -> Setup:

@@ -21,17 +21,20 @@ def fix(
     calibration: Path,
     *programs: Path,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected"),
-    setup: Path | None = None,
+    setup: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
     diff: Annotated[bool, Parameter(negative=())] = False,
     json: Json = False,
-) -> None:
+) -> int:
     """Corrected copies of robot programs: FANUC .LS, KUKA .dat and .src, ABB .mod, Yaskawa .JBI.
 
-    Positions are found, corrected and written back in place; every other byte stays. Positions that cannot be corrected
-    stay too, and are named. Beside the copies stands corrections.diff. Give files that belong together (.dat and .src,
-    modules that share tools) in one call. Example:
+    A program is corrected whole or not at all: if one of its points cannot be corrected, it stays as it is, the point
+    is named, and the exit code is 1. Every byte but the numbers stays. Beside the copies stands corrections.diff. Give
+    files that belong together (.dat and .src, modules that share tools) in one call. Frames and tools decide
+    everything: state them with --setup. For example:
 
-        touchcal fix calibration.json SEAM.LS -o corrected
+        touchcal fix calibration.json SEAM.LS --setup sysframe.va -o corrected
+
+        touchcal fix calibration.json SEAM.JBI --setup setup.yaml --diff
 
     Parameters
     ----------
@@ -42,22 +45,23 @@ def fix(
     output
         The folder to write to; made where it does not exist.
     setup
-        A YAML file with frames, tools and how the maker counts the joints. Without it, the tool is the cell's and
-        frames that the program does not declare are the robot's base.
+        Frames and tools: what the controller backs up (FANUC sysframe.va, KUKA $config.dat, ABB SYS.MOD, Yaskawa
+        TOOL.CND or UFRAME.CND), or a YAML file, which also says how joints are counted; several may be given. Without
+        it, the tool is the cell's and frames that the program does not declare are the robot's base.
     diff
         Print the changes.
     """
     from identify.compensation.compensate import remarks
     from identify.model.io.calibration_file import read_calibration
     from identify.programs.fixing import fix as corrected
-    from identify.programs.setup import Setup, read_setup
+    from identify.programs.setup import read_setups
 
     if not programs:
         raise InputError("nothing to correct: name at least one program")
     identified = read_calibration(calibration)
     names = _distinct(programs)
     _other_folder(output, programs)
-    table = Setup() if setup is None else read_setup(setup, identified.cell.robot)
+    table = read_setups(setup, identified.cell.robot)
     with progress(not json, "correcting"):
         found = corrected(identified, {name: read_bytes(path) for name, path in names.items()}, table)
     _write(output, found)
@@ -67,6 +71,7 @@ def fix(
         print(story(found, remarks(identified, table.fixed_to), output))
     if diff and not json:
         print(b"".join(each.diff for each in found).decode("utf-8", errors="replace"))
+    return 0 if all(each.whole for each in found) else 1
 
 
 def _distinct(programs: tuple[Path, ...]) -> dict[str, Path]:
@@ -102,6 +107,9 @@ def summary(found: "list[Fixed]") -> dict[str, Any]:
             "shift_mm": {"median": float(np.median(each.shift)), "max": float(each.shift.max())}
             if len(each.shift)
             else None,
+            "held": each.held,
+            "largest_step_mm": each.step if len(each.shift) else None,
+            "assumed": list(each.assumed),
             "left": [{"line": m.line, "name": m.name, "why": m.why} for m in each.left],
             "mentions": [{"line": m.line, "name": m.name, "why": m.why} for m in each.mentions],
         }
@@ -110,20 +118,30 @@ def summary(found: "list[Fixed]") -> dict[str, Any]:
 
 
 def story(found: "list[Fixed]", notes: list[str], output: Path) -> str:
-    """The result as a person reads it."""
-    lines = list[str]()
+    """The result as a person reads it: what decides everything first, then each program."""
+    lines = list(
+        dict.fromkeys(f"frames and tools decide everything: {text}" for each in found for text in each.assumed)
+    )
     for each in found:
-        moved = (
-            f", by {np.median(each.shift):.3f} mm (median), {each.shift.max():.3f} mm at most"
-            if len(each.shift)
-            else ""
-        )
-        lines.append(f"{each.name}: {len(each.shift)} of {len(each.shift) + len(each.left)} positions corrected{moved}")
-        lines += [f"  left as they are: {count} {why}" for why, count in each.reasons.items()]
+        lines.append(f"{each.name}: {_corrected(each)}")
+        lines += [f"  cannot be corrected: {count} {why}" for why, count in each.reasons.items()]
         for mentions in (each.left, each.mentions):
             lines += [f"  {_place(m.line, m.name)}{m.why}" for m in mentions[:SHOWN]]
             lines += [f"  ... and {len(mentions) - SHOWN} more"] if len(mentions) > SHOWN else []
     return "\n".join([*lines, *notes, f"wrote {output}, the changes in {output / DIFF}"])
+
+
+def _corrected(program: "Fixed") -> str:
+    """How many positions of a program were corrected, and by how much."""
+    total = len(program.shift) + len(program.left) + program.held
+    if not program.whole:
+        return f"left as it is: {len(program.left)} of {total} positions cannot be corrected, and a path is one whole"
+    if not len(program.shift):
+        return f"0 of {total} positions corrected"
+    return (
+        f"{len(program.shift)} of {total} positions corrected, by {np.median(program.shift):.3f} mm (median), "
+        f"{program.shift.max():.3f} mm at most; largest step between neighbours {program.step:.3f} mm"
+    )
 
 
 def _place(line: int, name: str) -> str:

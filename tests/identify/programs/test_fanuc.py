@@ -190,18 +190,19 @@ def test_frames_without_a_table_are_the_base_and_that_is_said():
     result = fixed(program([pose_text(Q, 4, 7)]))
 
     assert len(result.shift) == 1
-    assert [m.why.split(";")[0] for m in result.mentions] == [
+    assert [text.split(";")[0] for text in result.assumed] == [
         "frame 4 is taken for the robot's base", "tool 7 is taken for the cell's tool"
     ]  # fmt: skip
 
 
-def test_a_frame_that_the_table_does_not_have_leaves_the_position_alone():
+def test_a_frame_that_the_table_does_not_have_leaves_the_whole_path_as_it_is():
     text = program([pose_text(Q, 4), pose_text(Q, 5)])
 
     result = fixed(text, setup=Setup({"5": np.eye(4)}))
 
     assert [(m.name, m.line, m.why) for m in result.left] == [("P[1]", 6, "frame: frame 4 is not in the table")]
-    assert len(result.shift) == 1
+    assert (len(result.shift), result.held, result.whole) == (0, 1, False)
+    assert result.after == result.before
 
 
 def test_frame_0_is_the_base_and_tool_0_the_flange_whatever_the_table_says():
