@@ -53,7 +53,13 @@ def _find(source: Source, setup: Setup) -> Found:
     if last < first:
         source.fail(lines[last].start(), "//INST stands before //POS")
     records = tuple(_positions(source, lines[first + 1 : last], setup))
-    return Found(records, tuple(_mentions(source, lines[last:])))
+    return Found(records, tuple(_mentions(source, lines[last:])), _used(records, source.text[lines[last].start() :]))
+
+
+def _used(records: Sequence[Record], instructions: str) -> frozenset[str] | None:
+    """Names of the positions that instructions go to; None where there are none."""
+    places = {(letter, int(number)) for letter, number in re.findall(r"\b([CP])(\d+)\b", instructions)}
+    return frozenset(r.name for r in records if (r.name[0], int(r.name[1:])) in places) or None
 
 
 def _positions(source: Source, lines: Sequence[re.Match[str]], setup: Setup) -> Iterator[Record]:

@@ -17,7 +17,7 @@ def test_fix_writes_copies_and_a_diff_and_says_what_it_left(project, touchcal):
 
     assert code == 0
     assert "SEAM.JBI: 1 of 2 positions corrected, by" in out
-    assert "left as they are: 1 pulses" in out
+    assert "cannot be corrected: 1 pulses" in out
     assert "line 11, C00001: pulses: their number a degree is not known" in out
     assert "-C00000=5.0000,10.0000" in out
     assert "the base was found 1.70 mm and 2.37 degrees from where the cell file puts it" in out
