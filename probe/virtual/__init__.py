@@ -11,7 +11,6 @@ In the order in which data walks through:
     collision   what arm and torch hit
     arm         the arm behind the encoders: play in its gears, noise in its joints
     batch       all touches of a plan at once, without time and without a port
-    clock       controller time against the time of the host
     motion      how far along its path a robot is at a time
     parked      where a virtual robot stands before anybody has moved it
     records     how motions ended, and what was really touched
