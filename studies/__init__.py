@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from studies.engine import evaluate as evaluate
     from studies.engine import write_results as write_results
 
-_FRONT = {
-    "engine": "Study evaluate write_results",
-}
+_FRONT = {"engine": "Study evaluate write_results"}
 if not TYPE_CHECKING:
     __getattr__, __dir__ = front(__name__, _FRONT)
 

@@ -111,8 +111,9 @@ def pictures(table: Table) -> dict[str, str]:
         "Choice of joint errors: what is chosen is what the robot has, and its values are inside their intervals",
         named("what the simulated robot has", cases),
         axis("share of trials or values, %", [80.0, 100.0, *share["right"], *share["inside"]]),
-        width=680, slanted=True,
-    )  # fmt: skip
+        width=680,
+        slanted=True,
+    )
     for shift, key, shade in ((-0.12, "right", AFTER), (0.12, "inside", BEFORE)):
         chart.dots(np.arange(len(cases)) + shift, share[key], shade, [f"{s:.0f} %" for s in share[key]], 5)
     chart.level(95.0, "95 %")

@@ -109,9 +109,14 @@ def _row(robot: int, way: str, truth: Truth, target: float, found: Outcome) -> d
         tip, true = (kinematics.tip(zone(500), theta)[0] for theta in (found.calibration.theta, truth.theta))
         error = np.linalg.norm(tip - true, axis=1)
     return {
-        "robot": robot, "way": way, "touches": found.touches, "hits": found.hits, "promised_p95_mm": found.promised,
-        "delivered_p95_mm": float(np.quantile(error, 0.95)), "target_mm": target,
-    }  # fmt: skip
+        "robot": robot,
+        "way": way,
+        "touches": found.touches,
+        "hits": found.hits,
+        "promised_p95_mm": found.promised,
+        "delivered_p95_mm": float(np.quantile(error, 0.95)),
+        "target_mm": target,
+    }
 
 
 def _by_turns(cell: Cell, truth: Truth, target: float, most: int, rng: np.random.Generator) -> Outcome:
@@ -194,8 +199,10 @@ def pictures(table: Table) -> dict[str, str]:
     chart = Chart(
         "Touches, and the tip error promised (solid, large dots) and delivered (dashed, small dots)",
         axis("touches tried", column(table, "touches"), zero=True),
-        axis("95 % tip error in the zone, mm", every[np.isfinite(every)], zero=True), width=560, height=360,
-    )  # fmt: skip
+        axis("95 % tip error in the zone, mm", every[np.isfinite(every)], zero=True),
+        width=560,
+        height=360,
+    )
     for way, shade in shades.items():
         some = where(table, way=way)
         for name in names:

@@ -65,9 +65,11 @@ def run(rng: np.random.Generator, part: str, name: str, offered: int, robots: in
 
 
 _EMPTY: dict[str, Any] = {
-    "name": "", **dict.fromkeys(("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg"), 0.0),
-    "promised_mm": np.nan, "simulated_mm": np.nan,
-}  # fmt: skip
+    "name": "",
+    **dict.fromkeys(("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg"), 0.0),
+    "promised_mm": np.nan,
+    "simulated_mm": np.nan,
+}
 
 
 def _faces(rng: np.random.Generator, name: str, count: int, robots: int, steps: int) -> list[dict[str, Any]]:

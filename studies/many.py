@@ -56,9 +56,14 @@ def draw_faces(cell: Cell, plan: Plan, robots: int, rng: np.random.Generator) ->
 
 
 def touch_many(
-    cell: Cell, theta: Float[np.ndarray, "robots parameters"], plan: Plan, rng: np.random.Generator,
-    *, sigma: float | None = None, proud: Float[np.ndarray, "robots touches"] | None = None,
-) -> ManyTouches:  # fmt: skip
+    cell: Cell,
+    theta: Float[np.ndarray, "robots parameters"],
+    plan: Plan,
+    rng: np.random.Generator,
+    *,
+    sigma: float | None = None,
+    proud: Float[np.ndarray, "robots touches"] | None = None,
+) -> ManyTouches:
     """What robots measure that are truly `theta`, when each makes the touches of a plan.
 
     Each touch searches along the planned way and stops at the first thing that it meets (`first_contact`). Contacts
@@ -78,9 +83,14 @@ def touch_many(
 
 
 def touch_every(
-    cell: Cell, theta: Float[np.ndarray, "robots parameters"], plan: Plan, rng: np.random.Generator,
-    *, sigma: float | None = None, proud: Float[np.ndarray, "robots touches"] | None = None,
-) -> ManyTouches:  # fmt: skip
+    cell: Cell,
+    theta: Float[np.ndarray, "robots parameters"],
+    plan: Plan,
+    rng: np.random.Generator,
+    *,
+    sigma: float | None = None,
+    proud: Float[np.ndarray, "robots touches"] | None = None,
+) -> ManyTouches:
     """What robots measure when every touch meets its face: a touch that would miss is taken to have been aimed again.
 
     The planned way is followed, forwards or backwards, to where the wire meets the plane of its face; a way that never
@@ -107,9 +117,12 @@ def touch_every(
 
 
 def _shift(
-    cell: Cell, shape: tuple[int, int], rng: np.random.Generator, sigma: float | None,
+    cell: Cell,
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+    sigma: float | None,
     proud: Float[np.ndarray, "robots touches"] | None,
-) -> Float[np.ndarray, "robots touches"]:  # fmt: skip
+) -> Float[np.ndarray, "robots touches"]:
     """How far before its face on the drawing each contact closes [mm]."""
     shift = (cell.touch.sigma if sigma is None else sigma) * rng.standard_normal(shape)
     return shift if proud is None else shift + proud
@@ -119,15 +132,20 @@ def _made(cell: Cell, plan: Plan, q: np.ndarray, hit: np.ndarray) -> ManyTouches
     """The table of touches whose rows stand robot by robot."""
     faces, count = [cell.the_jig.by_name[name] for name in plan.face], len(plan)
     return ManyTouches(
-        q.reshape(-1, count, q.shape[1]), hit.reshape(-1, count), np.array([face.normal for face in faces]),
-        np.array([face.offset for face in faces]), np.hypot(cell.touch.sigma, [face.tolerance for face in faces]),
-    )  # fmt: skip
+        q.reshape(-1, count, q.shape[1]),
+        hit.reshape(-1, count),
+        np.array([face.normal for face in faces]),
+        np.array([face.offset for face in faces]),
+        np.hypot(cell.touch.sigma, [face.tolerance for face in faces]),
+    )
 
 
 def errors_in_zone(
-    cell: Cell, true: Float[np.ndarray, "robots parameters"], found: Float[np.ndarray, "robots parameters"],
+    cell: Cell,
+    true: Float[np.ndarray, "robots parameters"],
+    found: Float[np.ndarray, "robots parameters"],
     zone: Float[np.ndarray, "poses joints"],
-) -> Float[np.ndarray, "robots poses"]:  # fmt: skip
+) -> Float[np.ndarray, "robots poses"]:
     """How far the tip of each robot is from where its calibration says, at poses of the zone [mm]."""
     q = np.tile(zone, (len(true), 1))
     tips = [cell.kinematics.tip(q, np.repeat(theta, len(zone), axis=0))[0] for theta in (true, found)]
@@ -172,11 +190,14 @@ class Problem:
         self.start = cell.theta
         wire = cell.wire
         self.rows = Rows(
-            touches.q.reshape(-1, joints), np.tile(touches.normal, (robots, 1)),
+            touches.q.reshape(-1, joints),
+            np.tile(touches.normal, (robots, 1)),
             np.tile(touches.offset + wire.ball, robots),
-            np.full(robots * count, wire.flat), np.tile(touches.sigma, robots),
-            (), np.arange(robots * count),
-        )  # fmt: skip
+            np.full(robots * count, wire.flat),
+            np.tile(touches.sigma, robots),
+            (),
+            np.arange(robots * count),
+        )
 
     def linearize(
         self, theta: Float[np.ndarray, "some parameters"], some: Int[np.ndarray, " some"] | None = None
@@ -189,9 +210,11 @@ class Problem:
         return r / self.sigma, J * self.scale / self.sigma[:, None]
 
     def solve(
-        self, theta: Float[np.ndarray, "robots parameters"], used: Bool[np.ndarray, "robots touches"],
+        self,
+        theta: Float[np.ndarray, "robots parameters"],
+        used: Bool[np.ndarray, "robots touches"],
         scale: Float[np.ndarray, " robots"],
-    ) -> tuple[Float[np.ndarray, "robots parameters"], Bool[np.ndarray, " robots"]]:  # fmt: skip
+    ) -> tuple[Float[np.ndarray, "robots parameters"], Bool[np.ndarray, " robots"]]:
         """Gauss-Newton; robots that have arrived stand still while the others go on."""
         theta, weight = theta.copy(), used / scale[:, None] ** 2
         going = np.arange(len(theta))
@@ -230,9 +253,11 @@ class Problem:
         return np.asarray(np.sqrt((np.where(used, r, 0.0) ** 2).sum(axis=1) / self.freedom(J, used)))
 
     def agreeing(
-        self, theta: Float[np.ndarray, "robots parameters"], hit: Bool[np.ndarray, "robots touches"],
+        self,
+        theta: Float[np.ndarray, "robots parameters"],
+        hit: Bool[np.ndarray, "robots touches"],
         used: Bool[np.ndarray, "robots touches"],
-    ) -> Bool[np.ndarray, "robots touches"]:  # fmt: skip
+    ) -> Bool[np.ndarray, "robots touches"]:
         """Touches whose residual is within REJECT robust scatters."""
         r, J = self.linearize(theta)
         size = np.abs(r)

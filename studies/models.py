@@ -60,11 +60,14 @@ def _tilted(rng: np.random.Generator, part: str, tilts: list[float]) -> list[dic
     change = np.abs(found.theta - cell.theta)[:, lengths].max(axis=1)
     return [
         {
-            "part": part, "tilt_deg": tilt, "zone_rms_mm": float(error[k]), "length_change_mm": float(change[k]),
+            "part": part,
+            "tilt_deg": tilt,
+            "zone_rms_mm": float(error[k]),
+            "length_change_mm": float(change[k]),
             "closed_form_mm": float(350.0 / np.sin(tilt * DEG)),
         }
         for k, tilt in enumerate(tilts)
-    ]  # fmt: skip
+    ]
 
 
 def _ranks() -> list[dict[str, Any]]:

@@ -74,12 +74,14 @@ def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     error = errors_in_zone(cell, true, found.theta, zone(200))
     return [
         {
-            "initial_rms_mm": float(np.sqrt((before[k] ** 2).mean())), "initial_max_mm": float(np.abs(before[k]).max()),
-            "final_rms_mm": float(np.sqrt((after[k] ** 2).mean())), "final_max_mm": float(np.abs(after[k]).max()),
+            "initial_rms_mm": float(np.sqrt((before[k] ** 2).mean())),
+            "initial_max_mm": float(np.abs(before[k]).max()),
+            "final_rms_mm": float(np.sqrt((after[k] ** 2).mean())),
+            "final_max_mm": float(np.abs(after[k]).max()),
             "zone_rms_mm": float(np.sqrt((error[k] ** 2).mean())),
         }
         for k in range(repeats)
-    ]  # fmt: skip
+    ]
 
 
 def _minutes(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
@@ -157,10 +159,13 @@ def _error_size(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
             error = np.sqrt((errors_in_zone(cell, true, theta, zone(200)) ** 2).mean(axis=1))
             rows.append(
                 {
-                    "times_table_2": scale, "method": method, "missed": float((~made.hit).sum(axis=1).mean()),
-                    "initial_zone_rms_mm": float(np.sqrt((initial**2).mean())), "zone_rms_mm": float(np.median(error)),
+                    "times_table_2": scale,
+                    "method": method,
+                    "missed": float((~made.hit).sum(axis=1).mean()),
+                    "initial_zone_rms_mm": float(np.sqrt((initial**2).mean())),
+                    "zone_rms_mm": float(np.median(error)),
                 }
-            )  # fmt: skip
+            )
     return rows
 
 
@@ -208,10 +213,15 @@ def pictures(table: Table) -> dict[str, str]:
     ticks = tuple(float(t) for t in tolerance[::4])
     kept = Chart(
         "Parameters kept by pivot tolerance, of 42; the paper kept 21",
-        Axis("tolerance of a pivot of E'E, columns of length 1", float(tolerance[0]), float(tolerance[-1]), ticks,
-             tuple(f"{10**t:.0e}" for t in ticks)),
+        Axis(
+            "tolerance of a pivot of E'E, columns of length 1",
+            float(tolerance[0]),
+            float(tolerance[-1]),
+            ticks,
+            tuple(f"{10**t:.0e}" for t in ticks),
+        ),
         axis("parameters kept", [*pivots["kept"], 0.0]),
-    )  # fmt: skip
+    )
     kept.line(tolerance, column(pivots, "kept"), AFTER)
     kept.dots(tolerance, column(pivots, "kept"), AFTER, [f"{int(k)}" for k in pivots["kept"]])
     kept.level(PAPER["kept"], f"the paper's {PAPER['kept']}")

@@ -46,24 +46,32 @@ MEASURED = ("cpu_s", "first_s", "peak_mb", "runs", "result")
 DRAWS, MEASUREMENTS, TOUCHES = 3, 100, 50
 POSITIONS = (("with_figaroh", "figaroh map"), ("with_figaroh", "figaroh structural"), ("with_pybotics", "pybotics"))
 ANY = (
-    ("with_touchcal", "touchcal calibrate"), ("with_touchcal", "touchcal one fit"),
-    ("with_scipy", "SciPy trf"), ("with_scipy", "SciPy lm"), ("with_touchcal", "SciPy our Jacobian"),
-)  # fmt: skip
+    ("with_touchcal", "touchcal calibrate"),
+    ("with_touchcal", "touchcal one fit"),
+    ("with_scipy", "SciPy trf"),
+    ("with_scipy", "SciPy lm"),
+    ("with_touchcal", "SciPy our Jacobian"),
+)
 IDENTIFY = {
-    "tracker": (*ANY, *POSITIONS), "irb120": (*ANY, *POSITIONS),
+    "tracker": (*ANY, *POSITIONS),
+    "irb120": (*ANY, *POSITIONS),
     "touches": (*ANY, ("with_touchcal", "touchcal batch")),
-}  # fmt: skip
+}
 LARGE = (
-    ("with_touchcal", "touchcal exact_design"), ("with_touchcal", "touchcal 480 searches"),
+    ("with_touchcal", "touchcal exact_design"),
+    ("with_touchcal", "touchcal 480 searches"),
     ("with_cvxpy", "cvxpy Clarabel"),
-)  # fmt: skip
+)
 SELECT = {"oed500": (*LARGE, ("with_figaroh", "figaroh SOCP"), ("with_figaroh", "figaroh Detmax")), "oed4k": LARGE}
 RACERS = IDENTIFY | SELECT
 COLOURS = {"tracker": AFTER, "irb120": OUT, "touches": BEFORE, "oed500": AFTER, "oed4k": OUT}
 WORDS = {
-    "tracker": "simulated, tracker", "irb120": "IRB 120, measured", "touches": "simulated, touches",
-    "oed500": "50 of 500 touches", "oed4k": "50 of 4,000 touches",
-}  # fmt: skip
+    "tracker": "simulated, tracker",
+    "irb120": "IRB 120, measured",
+    "touches": "simulated, touches",
+    "oed500": "50 of 500 touches",
+    "oed4k": "50 of 4,000 touches",
+}
 
 
 def tasks(small: bool) -> list[dict[str, Any]]:

@@ -82,9 +82,15 @@ def _robot(cell: Cell, measured: int, rng: np.random.Generator) -> tuple[np.ndar
 
 def _told(cell: Cell, start: np.ndarray, q: np.ndarray, measured: int, sigma: float) -> dict[str, np.ndarray]:
     return {
-        "base": start[:6], "dh": start[6:-6].reshape(-1, 5), "tool": start[-6:], "prior": cell.prior,
-        "scale": cell.scale, "sigma": np.array(sigma), "q": q[:measured], "q_unseen": q[measured:],
-    }  # fmt: skip
+        "base": start[:6],
+        "dh": start[6:-6].reshape(-1, 5),
+        "tool": start[-6:],
+        "prior": cell.prior,
+        "scale": cell.scale,
+        "sigma": np.array(sigma),
+        "q": q[:measured],
+        "q_unseen": q[measured:],
+    }
 
 
 def candidates(count: int, rng: np.random.Generator) -> Float[np.ndarray, "candidates parameters"]:

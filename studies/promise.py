@@ -84,9 +84,11 @@ def _judged(
     value = dict(zip(found.cell.robot.parameters, found.theta, strict=True)) | {s.name: s.value for s in found.shared}
     inside = [abs(truth[name] - value.get(name, 0.0)) < 1.96 * s for name, s in sigma.items() if name in truth]
     return {
-        "promised_mm": zone_promise(found).p95_mm, "delivered_mm": float(np.percentile(error, 95)),
-        "rms_mm": float(np.sqrt((error**2).mean())), "covered": float(np.mean(inside)),
-    }  # fmt: skip
+        "promised_mm": zone_promise(found).p95_mm,
+        "delivered_mm": float(np.percentile(error, 95)),
+        "rms_mm": float(np.sqrt((error**2).mean())),
+        "covered": float(np.mean(inside)),
+    }
 
 
 def scaled(cell: Cell, scale: float) -> Cell:
@@ -122,9 +124,18 @@ def touched(
     met = np.flatnonzero(crosses.any(axis=0) & ((at > 0) & (at < 1)).all(axis=1))
     blank, q = ("",) * len(faces), planned.approach + high[:, None] * (planned.q - planned.approach)
     return Touches(
-        planned.ids, planned.face, q, normal, offset, np.full(len(faces), cell.touch.sigma), (HIT,) * len(faces),
-        np.full(len(faces), np.nan), blank, blank, planned.approach,
-    ).take(met)  # fmt: skip
+        planned.ids,
+        planned.face,
+        q,
+        normal,
+        offset,
+        np.full(len(faces), cell.touch.sigma),
+        (HIT,) * len(faces),
+        np.full(len(faces), np.nan),
+        blank,
+        blank,
+        planned.approach,
+    ).take(met)
 
 
 def tips(
@@ -184,9 +195,11 @@ def pictures(table: Table) -> dict[str, str]:
     good = np.isfinite(promised)
     chart = Chart(
         "Tip error at 95 % of the poses of the zone: a dot a robot, kept below the line",
-        logarithmic("promised, mm", promised[good]), logarithmic("delivered, mm", delivered[good]), width=480,
+        logarithmic("promised, mm", promised[good]),
+        logarithmic("delivered, mm", delivered[good]),
+        width=480,
         height=360,
-    )  # fmt: skip
+    )
     x, y = chart.x.scaled(promised[good]), chart.y.scaled(delivered[good])
     ends = np.array([max(promised[good].min(), delivered[good].min()), promised[good].max()])
     chart.dots(x, y, AFTER, [f"{e:.3f} mm" for e in delivered[good]])

@@ -28,14 +28,7 @@ from oed.planning.plan import COUNT, plan
 from oed.planning.strategies import Setting
 from studies.common import FEW, arc_welder, zone
 from studies.engine import Table, column, distinct, where
-from studies.many import (
-    ManyTouches,
-    calibrate_many,
-    draw_faces,
-    draw_many,
-    errors_in_zone,
-    touch_every,
-)
+from studies.many import ManyTouches, calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
 
 NUMBERS = (33, 50, 100)
 FIRST = 30  # touches before the rest of a sequential set is planned
@@ -62,11 +55,15 @@ def run(rng: np.random.Generator, name: str, n: int, robots: int, offered: int) 
     error = errors_in_zone(cell, theta, found, zone(200))
     return [
         {
-            "strategy": name, "touches": n, "mean_mm": float(e.mean()), "rms_mm": float(np.sqrt((e**2).mean())),
-            "p95_mm": float(np.quantile(e, 0.95)), "max_mm": float(e.max()),
+            "strategy": name,
+            "touches": n,
+            "mean_mm": float(e.mean()),
+            "rms_mm": float(np.sqrt((e**2).mean())),
+            "p95_mm": float(np.quantile(e, 0.95)),
+            "max_mm": float(e.max()),
         }
         for e in error
-    ]  # fmt: skip
+    ]
 
 
 def chosen(rng: np.random.Generator, name: str, n: int, offered: int) -> Plan:
@@ -102,9 +99,17 @@ def _touches(planned: Plan, made: ManyTouches, mark: str = "a") -> Touches:
     count, nothing = len(planned), ("",) * len(planned)
     ids = tuple(f"{mark}{name}" for name in planned.ids)
     table = Touches(
-        ids, planned.face, made.q[0], made.normal, made.offset, made.sigma, (HIT,) * count, np.full(count, np.nan),
-        nothing, nothing,
-    )  # fmt: skip
+        ids,
+        planned.face,
+        made.q[0],
+        made.normal,
+        made.offset,
+        made.sigma,
+        (HIT,) * count,
+        np.full(count, np.nan),
+        nothing,
+        nothing,
+    )
     return table.take(made.hit[0])
 
 
@@ -144,8 +149,10 @@ def pictures(table: Table) -> dict[str, str]:
         f"{title}, after calibration: median over robots drawn from the priors",
         named("how touches are chosen: optimal by an index, or else", names),
         logarithmic(title, [e for line in found.values() for e in line.values()]),
-        width=760, height=380, slanted=True,
-    )  # fmt: skip
+        width=760,
+        height=380,
+        slanted=True,
+    )
     for n, shade in zip(numbers, (BEFORE, AFTER, OUT), strict=False):
         error = np.array([found[name].get(n, np.nan) for name in names])
         there = np.flatnonzero(np.isfinite(error))

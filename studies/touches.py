@@ -45,11 +45,14 @@ def run(rng: np.random.Generator, n: int, robots: int, offered: int) -> list[dic
         error = errors_in_zone(cell, theta, calibrate_many(cell, made, eliminate=False).theta, zone(200))
         rows.append(
             {
-                "touches": n, "sigma_mm": sigma, "rms_mm": float(np.sqrt((error**2).mean())),
-                "p95_mm": float(np.quantile(error, 0.95)), "max_mm": float(error.max()),
+                "touches": n,
+                "sigma_mm": sigma,
+                "rms_mm": float(np.sqrt((error**2).mean())),
+                "p95_mm": float(np.quantile(error, 0.95)),
+                "max_mm": float(error.max()),
                 "promised_p95_mm": planned.promise.p95_mm if sigma == cell.touch.sigma else float("nan"),
             }
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -69,8 +72,9 @@ def pictures(table: Table) -> dict[str, str]:
         "How many touches: 95 % tip error in the weld zone over robots drawn from the priors",
         logarithmic("touches", column(table, "touches")),
         logarithmic("95 % tip error, mm", column(table, "p95_mm")),
-        width=640, height=360,
-    )  # fmt: skip
+        width=640,
+        height=360,
+    )
     sigmas = distinct(table, "sigma_mm")
     shades = colour(np.linspace(0.0, 0.75, len(sigmas)))
     for sigma, shade in zip(sigmas, shades, strict=True):

@@ -21,10 +21,15 @@ from studies.jig_shown import TOUCHES
 from studies.many import ManyTouches, Problem, draw_faces, draw_many, errors_in_zone, touch_every
 
 SECOND = {  # shift [mm] and turn about the vertical [deg] of the jig
-    "200 mm to the right": (200, 0, 0, 0), "200 mm to the left": (-200, 0, 0, 0), "150 mm nearer": (0, 150, 0, 0),
-    "150 mm farther": (0, -150, 0, 0), "150 mm higher": (0, 0, 150, 0), "turned by 90°": (0, 0, 0, 90),
-    "turned by 180°": (0, 0, 0, 180), "turned by 90°, 150 mm higher": (0, 0, 150, 90),
-}  # fmt: skip
+    "200 mm to the right": (200, 0, 0, 0),
+    "200 mm to the left": (-200, 0, 0, 0),
+    "150 mm nearer": (0, 150, 0, 0),
+    "150 mm farther": (0, -150, 0, 0),
+    "150 mm higher": (0, 0, 150, 0),
+    "turned by 90°": (0, 0, 0, 90),
+    "turned by 180°": (0, 0, 0, 180),
+    "turned by 90°, 150 mm higher": (0, 0, 150, 90),
+}
 LOOSE = np.repeat([10.0, np.radians(2.0)], 3)  # [mm, rad] by which the second place is known
 HIGH = 100.0  # [mm], what turns of the jig turn about, beside its place
 KNOWN = 1e-6  # of that, where it is known
@@ -61,9 +66,7 @@ def second_places(
     ):
         found = approximate_design(X, "V", GAP, touches=TOUCHES, prior=P, zone=Z)
         assert found.gap <= GAP
-        chosen = exact_design(
-            X, TOUCHES, "V", prior=P, zone=Z, relaxation=found, iterations=searches, rng=rng
-        ).indices  # fmt: skip
+        chosen = exact_design(X, TOUCHES, "V", prior=P, zone=Z, relaxation=found, iterations=searches, rng=rng).indices
         error = _delivered((here, there), chosen, at, loose * LOOSE, robots, zone, rng)
         yield Case(what, at, float(np.sqrt(found.value)), error)
 
@@ -86,9 +89,14 @@ def _joined(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def _delivered(
-    offers: tuple[CandidateSet, CandidateSet], chosen: np.ndarray, at: np.ndarray, loose: np.ndarray, robots: int,
-    zone: np.ndarray, rng: np.random.Generator,
-) -> Float[np.ndarray, "robots poses"]:  # fmt: skip
+    offers: tuple[CandidateSet, CandidateSet],
+    chosen: np.ndarray,
+    at: np.ndarray,
+    loose: np.ndarray,
+    robots: int,
+    zone: np.ndarray,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "robots poses"]:
     """Errors in the zone of robots drawn from the priors that made the chosen touches at both places."""
     first = offers[0].cell
     theta, off = draw_many(first, robots, rng), loose * rng.standard_normal((robots, 6))

@@ -161,9 +161,12 @@ def _before(
 
 
 def _bring(
-    calibration: Calibration, T: Float[np.ndarray, "targets 4 4"], before: Float[np.ndarray, "targets joints"],
-    usable: Bool[np.ndarray, " targets"], free_roll: bool,
-) -> Reach:  # fmt: skip
+    calibration: Calibration,
+    T: Float[np.ndarray, "targets 4 4"],
+    before: Float[np.ndarray, "targets joints"],
+    usable: Bool[np.ndarray, " targets"],
+    free_roll: bool,
+) -> Reach:
     """Joints of the identified robot for poses in the jig, from where it stands now; the hard ones with Ipopt."""
     kinematics, theta = calibration.cell.kinematics, calibration.theta
     q, residual = before.copy(), np.full(len(T), np.inf)

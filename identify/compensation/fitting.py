@@ -22,9 +22,12 @@ Levers = Sequence[tuple[float, float, float]]
 
 
 def fitted(
-    calibration: Calibration, free: Sequence[str], start: Float[np.ndarray, " parameters"],
-    q: Float[np.ndarray, "poses joints"] | None = None, levers: Levers = LEVERS,
-) -> Float[np.ndarray, " parameters"]:  # fmt: skip
+    calibration: Calibration,
+    free: Sequence[str],
+    start: Float[np.ndarray, " parameters"],
+    q: Float[np.ndarray, "poses joints"] | None = None,
+    levers: Levers = LEVERS,
+) -> Float[np.ndarray, " parameters"]:
     """Parameters whose tips come nearest to the identified ones, only the free ones moved from a start.
 
     Compared are points at `levers` from the tip, at poses `q`; those of `sample` if not given.
@@ -60,13 +63,18 @@ def geometric(calibration: Calibration) -> Calibration:
     bare = replace(robot, errors=(), error_values=())
     return replace(
         calibration,
-        cell=replace(calibration.cell, robot=bare, fixed=calibration.cell.fixed - beyond,
-                     bounds={k: v for k, v in calibration.cell.bounds.items() if k not in beyond}),
-        theta=theta[kept], start=calibration.start[kept],
+        cell=replace(
+            calibration.cell,
+            robot=bare,
+            fixed=calibration.cell.fixed - beyond,
+            bounds={k: v for k, v in calibration.cell.bounds.items() if k not in beyond},
+        ),
+        theta=theta[kept],
+        start=calibration.start[kept],
         estimated=tuple(name for name in calibration.estimated if name not in beyond),
         covariance=calibration.covariance[np.ix_(told, told)],
         combinations={k: v for k, v in calibration.combinations.items() if k not in beyond},
-    )  # fmt: skip
+    )
 
 
 def independent(calibration: Calibration, names: Sequence[str]) -> list[str]:
@@ -86,9 +94,11 @@ def independent(calibration: Calibration, names: Sequence[str]) -> list[str]:
 
 
 def _points(
-    calibration: Calibration, q: Float[np.ndarray, "poses joints"], thetas: Float[np.ndarray, "models parameters"],
+    calibration: Calibration,
+    q: Float[np.ndarray, "poses joints"],
+    thetas: Float[np.ndarray, "models parameters"],
     levers: Levers = LEVERS,
-) -> Float[np.ndarray, "models points"]:  # fmt: skip
+) -> Float[np.ndarray, "models points"]:
     """The tip and points beside it, of several models at all poses, one row a model."""
     tip = calibration.cell.kinematics.tip
     p, R = tip(np.tile(q, (len(thetas), 1)), np.repeat(thetas, len(q), axis=0))

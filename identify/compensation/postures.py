@@ -16,9 +16,11 @@ PIONEERS = 16  # of so many targets one is solved first, and the others start fr
 
 
 def nominal(
-    kinematics: Kinematics, theta: Float[np.ndarray, " parameters"], T: Float[np.ndarray, "targets 4 4"],
+    kinematics: Kinematics,
+    theta: Float[np.ndarray, " parameters"],
+    T: Float[np.ndarray, "targets 4 4"],
     near: Float[np.ndarray, " joints"] | Float[np.ndarray, "targets joints"] | None = None,
-) -> tuple[Float[np.ndarray, "targets joints"], Bool[np.ndarray, " targets"]]:  # fmt: skip
+) -> tuple[Float[np.ndarray, "targets joints"], Bool[np.ndarray, " targets"]]:
     """Joint values for poses jig_T_tip, within limits, and which poses are reached.
 
     Where there is a start `near` for each pose, there is no other. Else a few poses are solved from one posture, and

@@ -170,9 +170,12 @@ class _Search:
         return np.argmin(misfit, axis=1)
 
     def solve(
-        self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"],
-        sigma: Float[np.ndarray, " touches"], steps: int,
-    ) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, "free free"]]:  # fmt: skip
+        self,
+        theta: Float[np.ndarray, " parameters"],
+        face: Int[np.ndarray, " touches"],
+        sigma: Float[np.ndarray, " touches"],
+        steps: int,
+    ) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, "free free"]]:
         """Most probable parameters for given faces, and the covariance of the free ones in units of their priors."""
         theta = theta.copy()
         for _ in range(steps):
@@ -241,17 +244,26 @@ def provisional(cell: Cell, belief: Belief) -> Calibration:
     before, after = (model.residual(theta, found) for theta in (cell.theta, belief.theta))
     good = after[belief.used]
     return Calibration(
-        cell=cell, theta=belief.theta, start=cell.theta,
-        estimated=tuple(name for name, use in zip(names, known, strict=True) if use), combinations={},
-        covariance=belief.covariance[np.ix_(known, known)], scatter=1.0, scatter_significant=False, weak=(),
+        cell=cell,
+        theta=belief.theta,
+        start=cell.theta,
+        estimated=tuple(name for name, use in zip(names, known, strict=True) if use),
+        combinations={},
+        covariance=belief.covariance[np.ix_(known, known)],
+        scatter=1.0,
+        scatter_significant=False,
+        weak=(),
         outliers={ids[i]: float(after[i]) for i in np.flatnonzero(~belief.used)},
-        fit=summarize(good) if len(good) else Errors(0, 0.0, 0.0, 0.0, 0.0), held_out=None,
+        fit=summarize(good) if len(good) else Errors(0, 0.0, 0.0, 0.0, 0.0),
+        held_out=None,
         residuals={
             name: Residual(float(was), float(now), bool(use))
             for name, was, now, use in zip(ids, before, after, belief.used, strict=True)
         },
-        fingerprints=frozenset(fingerprints(found.q, found.offset[:, None])), iterations=0, solve_s=0.0,
-    )  # fmt: skip
+        fingerprints=frozenset(fingerprints(found.q, found.offset[:, None])),
+        iterations=0,
+        solve_s=0.0,
+    )
 
 
 def as_identified(cell: Cell, calibration: Calibration) -> Cell:

@@ -14,10 +14,7 @@ FIRST = ""  # name of the placement that the jig itself is
 
 
 def with_further(
-    unknowns: Unknowns,
-    x: Float[np.ndarray, " unknowns"],
-    rows: Rows,
-    theta: Float[np.ndarray, " parameters"],
+    unknowns: Unknowns, x: Float[np.ndarray, " unknowns"], rows: Rows, theta: Float[np.ndarray, " parameters"]
 ) -> Float[np.ndarray, " unknowns"]:
     """The start x [prior deviations], with what is to be fitted where it stands by the robot as it starts."""
     if not any(unknown.precision == 0 for unknown in unknowns.named):

@@ -13,10 +13,7 @@ SHRUNK = 1e-3  # share by which all lengths might shrink; measurements have to n
 
 
 def without_gauge(
-    unknowns: Unknowns,
-    origin: Float[np.ndarray, " unknowns"],
-    basis: Float[np.ndarray, "unknowns size"],
-    rows: Rows,
+    unknowns: Unknowns, origin: Float[np.ndarray, " unknowns"], basis: Float[np.ndarray, "unknowns size"], rows: Rows
 ) -> Float[np.ndarray, "unknowns fewer"]:
     """The basis without directions that have no prior and that no row depends on: they stay where they start."""
     if not unknowns.named:

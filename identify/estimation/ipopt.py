@@ -17,21 +17,31 @@ from jaxtyping import Float
 
 ITERATIONS = 200  # of Ipopt; a calibration takes 3 to 30
 OPTIONS = {
-    "print_level": 0, "sb": "yes",
+    "print_level": 0,
+    "sb": "yes",
     # the extent of an upright flat wire end has a kink, at which steps shrink without end: `LeastSquares` looks
     # whether that is so
-    "acceptable_iter": 5, "acceptable_tol": 1e9, "acceptable_dual_inf_tol": 1e9, "acceptable_obj_change_tol": 1e-5,
-    "watchdog_shortened_iter_trigger": 0, "nlp_scaling_method": "none", "linear_solver": "mumps",
+    "acceptable_iter": 5,
+    "acceptable_tol": 1e9,
+    "acceptable_dual_inf_tol": 1e9,
+    "acceptable_obj_change_tol": 1e-5,
+    "watchdog_shortened_iter_trigger": 0,
+    "nlp_scaling_method": "none",
+    "linear_solver": "mumps",
     "mu_strategy": "adaptive",
-}  # fmt: skip
+}
 Values = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
 _idle: dict[tuple[int, float, int], list["Program"]] = defaultdict(list)
 
 
 def minimize(
-    at: Values, basis: Float[np.ndarray, "n n"], start: Float[np.ndarray, " n"],
-    lower: Float[np.ndarray, " n"], upper: Float[np.ndarray, " n"], tolerance: float,
-) -> tuple[Float[np.ndarray, " n"], dict[str, Any]]:  # fmt: skip
+    at: Values,
+    basis: Float[np.ndarray, "n n"],
+    start: Float[np.ndarray, " n"],
+    lower: Float[np.ndarray, " n"],
+    upper: Float[np.ndarray, " n"],
+    tolerance: float,
+) -> tuple[Float[np.ndarray, " n"], dict[str, Any]]:
     """The minimum of what `at` gives value, gradient and Hessian of, between bounds; and Ipopt's statistics.
 
     Ipopt sees the coordinates z of x = basis z, and stops where no element of the gradient by them exceeds the

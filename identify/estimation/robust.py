@@ -140,18 +140,22 @@ class _Fit:
         return y, bool((sizes <= SURE * self.limit).all())
 
     def _scale(
-        self, x: Float[np.ndarray, " size"], used: Bool[np.ndarray, " rows"],
+        self,
+        x: Float[np.ndarray, " size"],
+        used: Bool[np.ndarray, " rows"],
         residual: Float[np.ndarray, " rows"] | None = None,
-    ) -> float:  # fmt: skip
+    ) -> float:
         """Robust scatter in units of sigma, at least 1: the median absolute residual, corrected for the parameters."""
         r = ((self.problem.residual(x) if residual is None else residual) / self.rows.sigma)[used]
         freedom = max(self.freedom(x, used / self.rows.sigma), 1)
         return max(1.0, 1.4826 * float(np.median(np.abs(r))) * np.sqrt(len(r) / freedom))
 
     def _agreeing(
-        self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"],
+        self,
+        x: Float[np.ndarray, " size"],
+        weight: Float[np.ndarray, " rows"],
         judged: Float[np.ndarray, " rows"] | None = None,
-    ) -> Bool[np.ndarray, " rows"]:  # fmt: skip
+    ) -> Bool[np.ndarray, " rows"]:
         """Rows of touches whose residual is within what chance makes of a good touch, leverage considered.
 
         If rows without weight are `judged` as well, by the weights that they would have, they are predictions.
@@ -159,9 +163,12 @@ class _Fit:
         return (self._sizes(x, weight, judged=judged) <= self.limit)[self.rows.owner]
 
     def _sizes(
-        self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"],
-        residual: Float[np.ndarray, " rows"] | None = None, judged: Float[np.ndarray, " rows"] | None = None,
-    ) -> Float[np.ndarray, " measured"]:  # fmt: skip
+        self,
+        x: Float[np.ndarray, " size"],
+        weight: Float[np.ndarray, " rows"],
+        residual: Float[np.ndarray, " rows"] | None = None,
+        judged: Float[np.ndarray, " rows"] | None = None,
+    ) -> Float[np.ndarray, " measured"]:
         """The largest residual of each touch in units of what chance makes of a good one, leverage considered."""
         scale = weight if judged is None else np.where(weight > 0, weight, judged * weight.max() / judged.max())
         C, size = self.problem.covariance(x, weight), np.empty(len(self.rows))

@@ -176,8 +176,11 @@ class Extended:
 
     def columns(self) -> tuple[tuple[int, ...], dict[str, tuple[int, ...]]]:
         """Columns of the robot as it was and of what measurements share, and those of each further error model."""
-        further = {name: model for name, _, model in self.unknowns.cell.robot.error_parameters
-                   if model not in self.bare.robot.errors}  # fmt: skip
+        further = {
+            name: model
+            for name, _, model in self.unknowns.cell.robot.error_parameters
+            if model not in self.bare.robot.errors
+        }
         names = self.unknowns.names
         own = tuple(i for i, name in enumerate(names) if name not in further)
         return own, {

@@ -87,8 +87,9 @@ def _associated(problem: Problem, measured: tuple[Measured, ...]) -> Iterator[tu
         return
     found = believe(cell, measured[0])  # type: ignore[arg-type]
     pairs = zip(found.touches.face, found.used, problem.rows.face, strict=True)
-    again = relabelled(problem, measured, tuple(met if use and met in cell.the_jig.by_name else face
-                                                for met, use, face in pairs))  # fmt: skip
+    again = relabelled(
+        problem, measured, tuple(met if use and met in cell.the_jig.by_name else face for met, use, face in pairs)
+    )
     yield from _grown(again, found.theta, found.used[again.rows.owner])
 
 

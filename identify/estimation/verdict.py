@@ -88,23 +88,32 @@ def _changed(cell: Cell, recorded: Rows) -> Iterator[tuple[Rows, tuple[str, str,
     """Rows as they would be by each hypothesis: its kind, what it says, and its cure."""
     for i, joint in enumerate(cell.robot.joints):
         turned = recorded.q * np.where(np.arange(recorded.q.shape[1]) == i, -1.0, 1.0)
-        yield replace(recorded, q=turned), (
-            "joint sign", f"joint {joint.name} seems to count the other way",
-            f"write joints: {{sign: {{{joint.name}: -1}}}} into cell.yaml",
-        )  # fmt: skip
+        yield (
+            replace(recorded, q=turned),
+            (
+                "joint sign",
+                f"joint {joint.name} seems to count the other way",
+                f"write joints: {{sign: {{{joint.name}: -1}}}} into cell.yaml",
+            ),
+        )
         for degrees in () if joint.prismatic else (-90, 90, 180):
             shifted = recorded.q + np.radians(degrees) * (np.arange(recorded.q.shape[1]) == i)
-            yield replace(recorded, q=shifted), (
-                "joint zero", f"joint {joint.name} seems to count from a zero {degrees} degrees off",
-                f"write joints: {{zero_deg: {{{joint.name}: {degrees}}}}} into cell.yaml",
-            )  # fmt: skip
+            yield (
+                replace(recorded, q=shifted),
+                (
+                    "joint zero",
+                    f"joint {joint.name} seems to count from a zero {degrees} degrees off",
+                    f"write joints: {{zero_deg: {{{joint.name}: {degrees}}}}} into cell.yaml",
+                ),
+            )
     axes = np.argmax(np.abs(recorded.normal), axis=1)
     if not any(recorded.face) and (np.abs(recorded.normal).max(axis=1) > 1 - 1e-12).all():
         for k, name in enumerate("xyz"):
             scaled = np.where(axes == k, 1000.0, 1.0) * recorded.offset
-            yield replace(recorded, offset=scaled), (
-                "unit", f"column {name}_mm seems to hold metres", "write millimetres into it",
-            )  # fmt: skip
+            yield (
+                replace(recorded, offset=scaled),
+                ("unit", f"column {name}_mm seems to hold metres", "write millimetres into it"),
+            )
 
 
 def _fit(cell: Cell, recorded: Rows) -> tuple[float, float]:

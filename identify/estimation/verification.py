@@ -76,10 +76,11 @@ def predicted(
     values = dict(zip(calibration.names, calibration.values, strict=True))
     every = Unknowns.of(calibration.cell)
     unknowns = Unknowns(
-        calibration.cell, np.array(calibration.index, dtype=int),
+        calibration.cell,
+        np.array(calibration.index, dtype=int),
         tuple(shared for shared in every.shared if shared.name in values),
         tuple(named for named in every.named if named.names[0] in values),
-    )  # fmt: skip
+    )
     x = (np.array([values[name] for name in unknowns.names]) - unknowns.origin) / unknowns.scale
     r, J = unknowns.linearize(x, found, calibration.theta)
     across = np.zeros((len(r), len(values)))

@@ -144,10 +144,15 @@ def _plain(calibration: Calibration) -> str:
         unit = METRE if joint.prismatic else 1.0
         limit = f'lower="{joint.lower / unit!r}" upper="{joint.upper / unit!r}" velocity="{joint.speed / unit!r}"'
         lines += [
-            f'  <link name="link_{i}"/>', f'  <joint name="{joint.name}" type="{_kind(joint.prismatic)}">',
-            f'    <parent link="{parent}"/>', f'    <child link="link_{i}"/>', f"    {origin_tag(T)}",
-            '    <axis xyz="0 0 1"/>', f'    <limit {limit} effort="0"/>', "  </joint>",
-        ]  # fmt: skip
+            f'  <link name="link_{i}"/>',
+            f'  <joint name="{joint.name}" type="{_kind(joint.prismatic)}">',
+            f'    <parent link="{parent}"/>',
+            f'    <child link="link_{i}"/>',
+            f"    {origin_tag(T)}",
+            '    <axis xyz="0 0 1"/>',
+            f'    <limit {limit} effort="0"/>',
+            "  </joint>",
+        ]
         parent = f"link_{i}"
     flange = _fixed("flange", parent, found[-1])
     jig = _fixed(JIG, "base_link", inverse(transform(calibration.theta[:6])))

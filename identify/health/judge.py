@@ -64,8 +64,12 @@ def judge(calibration: Calibration, touches: Touches, alarm: float = ALARM) -> H
     residuals = dict(zip(touches.ids, check.r.tolist(), strict=True))
     return Health(
         "doubtful" if verdict != "unchanged" and best.cause.name.startswith(TOUCH) else verdict,
-        chance, findings, rest >= REST, residuals, float(np.sqrt(np.trace(check.S) / len(check.S))),
-    )  # fmt: skip
+        chance,
+        findings,
+        rest >= REST,
+        residuals,
+        float(np.sqrt(np.trace(check.S) / len(check.S))),
+    )
 
 
 TOUCH = "touch "  # before the id of a touch that went wrong

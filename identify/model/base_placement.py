@@ -182,10 +182,7 @@ def _targets(
 
 
 def _share(
-    cell: Cell,
-    position: Float[np.ndarray, "targets 3"],
-    R: Float[np.ndarray, "targets 3 3"],
-    rng: np.random.Generator,
+    cell: Cell, position: Float[np.ndarray, "targets 3"], R: Float[np.ndarray, "targets 3 3"], rng: np.random.Generator
 ) -> float:
     """The share of targets that are reached, from any of some starts."""
     robot, reached = cell.robot, np.zeros(len(position), dtype=bool)

@@ -128,8 +128,13 @@ def _length(v: ca.SX) -> ca.SX:
 
 
 EQUATIONS: dict[str, Callable[[Arm], ca.SX]] = {
-    "plane": plane, "flat": flat, "contact": contact, "distance": distance, "spacing": spacing, "turn": turn,
-}  # fmt: skip
+    "plane": plane,
+    "flat": flat,
+    "contact": contact,
+    "distance": distance,
+    "spacing": spacing,
+    "turn": turn,
+}
 """Residuals [mm] by the names that rows use; planes are flat where the wire's end is."""
 
 

@@ -67,13 +67,16 @@ def equations(cell: Cell, measured: Sequence[Measured]) -> Rows:
     blank = ("",) * len(further)
     conditions = np.zeros((len(further), len(cell.robot.joints) + 1))
     return replace(
-        both, ids=whole.ids + further.ids,
+        both,
+        ids=whole.ids + further.ids,
         owner=np.concatenate([whole.owner, further.owner + len(whole.ids)]),
         conditions=None if whole.conditions is None else np.vstack([whole.conditions, conditions]),
         block=np.concatenate([np.broadcast_to(whole.block, count), np.zeros(len(further), dtype=int)]),
-        face=whole.face + blank if whole.face else (), second=("",) * count + further.second,
-        placement=whole.placement + blank if whole.placement else (), tool=whole.tool + blank if whole.tool else (),
-    )  # fmt: skip
+        face=whole.face + blank if whole.face else (),
+        second=("",) * count + further.second,
+        placement=whole.placement + blank if whole.placement else (),
+        tool=whole.tool + blank if whole.tool else (),
+    )
 
 
 def _concatenated(parts: Sequence[Rows]) -> Rows:
@@ -83,9 +86,18 @@ def _concatenated(parts: Sequence[Rows]) -> Rows:
         for name in ("q", "normal", "offset", "radius", "sigma", "owner")
     )
     return Rows(
-        q, normal, offset, radius, sigma, parts[0].ids, owner, equation=_joined(parts, "equation", "plane"),
-        point=_joined(parts, "point", ""), places=_stacked(parts, "places", 6), turn=_stacked(parts, "turn", 9),
-    )  # fmt: skip
+        q,
+        normal,
+        offset,
+        radius,
+        sigma,
+        parts[0].ids,
+        owner,
+        equation=_joined(parts, "equation", "plane"),
+        point=_joined(parts, "point", ""),
+        places=_stacked(parts, "places", 6),
+        turn=_stacked(parts, "turn", 9),
+    )
 
 
 def _of(table: Measured) -> "Kind":
@@ -148,9 +160,14 @@ def _axes(q: np.ndarray, offset: np.ndarray, sigma: np.ndarray, ids: tuple[str, 
     """Three rows a measurement, along x, y and z."""
     m = len(ids)
     return Rows(
-        np.repeat(q, 3, axis=0), np.tile(np.eye(3), (m, 1)), offset.ravel(), np.zeros(3 * m), np.repeat(sigma, 3), ids,
+        np.repeat(q, 3, axis=0),
+        np.tile(np.eye(3), (m, 1)),
+        offset.ravel(),
+        np.zeros(3 * m),
+        np.repeat(sigma, 3),
+        ids,
         np.repeat(np.arange(m), 3),
-    )  # fmt: skip
+    )
 
 
 def _position_rows(wire: Wire, positions: Positions | Poses, places: Places) -> Rows:
@@ -173,9 +190,17 @@ def _distance_rows(wire: Wire, distances: Distances, places: Places) -> Rows:
     """|tip - anchor| - d = 0."""
     m, zeros = len(distances), np.zeros(len(distances))
     return Rows(
-        distances.q, np.zeros((m, 3)), distances.distance, zeros, distances.sigma, distances.ids, np.arange(m),
-        equation=("distance",) * m, point=distances.anchor, places=_coordinates(distances.anchor, places),
-    )  # fmt: skip
+        distances.q,
+        np.zeros((m, 3)),
+        distances.distance,
+        zeros,
+        distances.sigma,
+        distances.ids,
+        np.arange(m),
+        equation=("distance",) * m,
+        point=distances.anchor,
+        places=_coordinates(distances.anchor, places),
+    )
 
 
 def _contact_rows(wire: Wire, contacts: Contacts, places: Places) -> Rows:
@@ -196,11 +221,19 @@ def spacing_rows(pairs: Sequence[tuple[str, str, float, float]], places: Places,
     m = len(pairs)
     ends = np.hstack([_coordinates([str(pair[k]) for pair in pairs], places)[:, :3] for k in (0, 1)])
     return Rows(
-        np.zeros((m, joints)), np.zeros((m, 3)), np.array([pair[2] for pair in pairs]), np.zeros(m),
-        np.array([pair[3] for pair in pairs]), tuple(f"spacing {a} {b}" for a, b, _, _ in pairs), np.arange(m),
-        np.zeros((m, joints + 1)), equation=("spacing",) * m, point=tuple(pair[0] for pair in pairs),
-        second=tuple(pair[1] for pair in pairs), places=ends,
-    )  # fmt: skip
+        np.zeros((m, joints)),
+        np.zeros((m, 3)),
+        np.array([pair[2] for pair in pairs]),
+        np.zeros(m),
+        np.array([pair[3] for pair in pairs]),
+        tuple(f"spacing {a} {b}" for a, b, _, _ in pairs),
+        np.arange(m),
+        np.zeros((m, joints + 1)),
+        equation=("spacing",) * m,
+        point=tuple(pair[0] for pair in pairs),
+        second=tuple(pair[1] for pair in pairs),
+        places=ends,
+    )
 
 
 @dataclass(frozen=True)

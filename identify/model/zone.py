@@ -43,9 +43,14 @@ def zone_poses(
         axis = cone(np.tile([0.0, 0.0, -1.0], (m, 1)), zone.max_tilt, rng.random((m, 2)))
         start = rng.uniform(robot.lower, robot.upper, (m, len(robot.joints)))
         result = reach(
-            cell.kinematics, theta, position, frames(axis, 2 * np.pi * rng.random(m)), start,
-            free_roll=len(robot.joints) == 5, free_orientation=len(robot.joints) < 5,
-        )  # fmt: skip
+            cell.kinematics,
+            theta,
+            position,
+            frames(axis, 2 * np.pi * rng.random(m)),
+            start,
+            free_roll=len(robot.joints) == 5,
+            free_orientation=len(robot.joints) < 5,
+        )
         good = result.q[result.reached()]
         found = np.concatenate([found, good[in_zone(cell, good, theta)]])
         if len(found) >= poses:

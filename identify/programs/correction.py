@@ -80,9 +80,11 @@ class _Work:
         wanted = np.array([place.base_T_tip(frame_T_tool(record, record.values)) for record, place in pairs])
         open_ = self.setup.near is None and self.setup.posture == "flags"
         chosen = self.chooser.choose(
-            transform(self.theta[:6]) @ wanted, [self._fits(record.flags) for record in records], self.setup.near,
+            transform(self.theta[:6]) @ wanted,
+            [self._fits(record.flags) for record in records],
+            self.setup.near,
             [open_ and record.flags is None for record in records],
-        )  # fmt: skip
+        )
         result = self._compensate(wanted, np.array([choice.q for choice in chosen]))
         command = transform(result.command)
         apart = self._apart(wanted, chosen, command) if open_ else np.zeros(len(records))
@@ -100,9 +102,11 @@ class _Work:
         ]
 
     def _apart(
-        self, wanted: Float[np.ndarray, "records 4 4"], chosen: Sequence[Choice],
+        self,
+        wanted: Float[np.ndarray, "records 4 4"],
+        chosen: Sequence[Choice],
         command: Float[np.ndarray, "records 4 4"],
-    ) -> Float[np.ndarray, " records"]:  # fmt: skip
+    ) -> Float[np.ndarray, " records"]:
         """How far apart [mm] the commands are that the other postures would get, of those that fit as well."""
         owner = [i for i, choice in enumerate(chosen) for _ in choice.others]
         apart = np.zeros(len(chosen))

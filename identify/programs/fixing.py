@@ -121,9 +121,14 @@ def _fixed(before: Source, after: Source, done: Sequence[Corrected], found: Foun
     steps = np.linalg.norm(np.diff(moves, axis=0), axis=1) if len(moves) > 1 else np.zeros(1)
     notes = dict.fromkeys(note for one in done for note in one.notes)
     return Fixed(
-        before.name, before.text.encode("latin-1"), after.text.encode("latin-1"),
-        np.array([one.shift for one in done if one.values is not None]), left, whole,
-        sum(one.values is None and not one.why for one in done), float(steps.max()),
+        before.name,
+        before.text.encode("latin-1"),
+        after.text.encode("latin-1"),
+        np.array([one.shift for one in done if one.values is not None]),
+        left,
+        whole,
+        sum(one.values is None and not one.why for one in done),
+        float(steps.max()),
         tuple(dict.fromkeys(text for one in done for text in one.assumed)),
         (*dict.fromkeys(found.mentions), *(Mention(before.name, 0, "", note) for note in notes)),
-    )  # fmt: skip
+    )

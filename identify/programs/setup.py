@@ -86,11 +86,16 @@ def read_setup(path: Path, robot: Robot) -> Setup:
         raise InputError(wrong)
     coupled = file.joints.coupled if isinstance(file.joints.coupled, bool) else None
     return Setup(
-        frames=_poses(file.frames), tools=_poses(file.tools), joints=counting_of(_plain(file.joints), names),
+        frames=_poses(file.frames),
+        tools=_poses(file.tools),
+        joints=counting_of(_plain(file.joints), names),
         coupled=coupled,
         near=None if file.near_deg is None else np.array(file.near_deg) * robot.joint_unit(),
-        posture=file.posture, fixed_to=file.fixed_to, group=file.group, position_variables=file.position_variables,
-    )  # fmt: skip
+        posture=file.posture,
+        fixed_to=file.fixed_to,
+        group=file.group,
+        position_variables=file.position_variables,
+    )
 
 
 def _poses(entries: Mapping[int | str, PoseEntry]) -> dict[str, Float[np.ndarray, "4 4"]]:

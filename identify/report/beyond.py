@@ -13,10 +13,15 @@ def chosen(c: Calibration) -> str:
     first = c.choice[0]
     alone = [["geometry alone", f"{first.held_out_mm + first.gain_mm:.3f}", "", "", ""]]
     rows = [
-        [term.name, f"{term.held_out_mm:.3f}", f"{term.gain_mm:.4f}", f"{term.standard_error_mm:.4f}",
-         "kept" if term.kept else ""]
+        [
+            term.name,
+            f"{term.held_out_mm:.3f}",
+            f"{term.gain_mm:.4f}",
+            f"{term.standard_error_mm:.4f}",
+            "kept" if term.kept else "",
+        ]
         for term in c.choice
-    ]  # fmt: skip
+    ]
     head = ["joint errors, one more a row", "mean held out, mm", "buys, mm", "+-", ""]
     return "<h2>Beyond geometry</h2>" + table(head, alone + rows, (4,))
 

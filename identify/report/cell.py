@@ -22,8 +22,10 @@ def cell_page(cell: Cell, words: str) -> str:
         q, note = np.clip(np.zeros((1, len(cell.robot.joints))), cell.robot.lower, cell.robot.upper), str(error)
     tip, R = cell.kinematics.tip(q, cell.theta)
     lean = np.degrees(np.arccos(np.clip(-R[:, 2, 2], -1, 1)))
-    said = [f"tip at ({p[0]:.0f}, {p[1]:.0f}, {p[2]:.0f}) mm, torch {a:.0f} deg from straight down"
-            for p, a in zip(tip, lean, strict=True)]  # fmt: skip
+    said = [
+        f"tip at ({p[0]:.0f}, {p[1]:.0f}, {p[2]:.0f}) mm, torch {a:.0f} deg from straight down"
+        for p, a in zip(tip, lean, strict=True)
+    ]
     shown = scene(cell, None, tuple(f"posture {i + 1}" for i in range(len(q))), ("",) * len(q), q, tuple(said))
     tool = "" if cell.tool is None else _torch(cell)
     sections = [

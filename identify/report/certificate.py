@@ -23,12 +23,16 @@ def head(c: Calibration, issue: Issue, measured: Sequence[Measured]) -> str:
     """Title and facts: robot, serial number, date, operator, jig, wire, measurements."""
     robot, jig, wire = c.cell.robot, c.cell.jig, c.cell.wire
     entries = [
-        ("robot", robot.name), ("serial no.", c.cell.serial), ("issued", issue.date), ("operator", issue.operator),
-        ("measured", _period(measured)), ("jig", jig.name if jig else "none"),
+        ("robot", robot.name),
+        ("serial no.", c.cell.serial),
+        ("issued", issue.date),
+        ("operator", issue.operator),
+        ("measured", _period(measured)),
+        ("jig", jig.name if jig else "none"),
         ("wire", f"{wire.shape}, radius {wire.radius:g} mm" if wire.radius else wire.shape),
         ("data", f"{len(c.residuals)} measurements, {len(c.estimated)} of {len(c.theta)} parameters estimated"),
         ("software", f"touchcal {issue.version}" if issue.version else ""),
-    ]  # fmt: skip
+    ]
     return f"<h1>Calibration of {escape(robot.name)}</h1>{facts(entries)}"
 
 

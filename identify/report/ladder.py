@@ -26,9 +26,12 @@ def _bars(rungs: Sequence[Rung]) -> str:
     mean, p95 = (np.array([getattr(r.errors, key) for r in rungs]) for key in ("mean_mm", "p95_mm"))
     chart = Chart(
         "Tip error in the weld zone, by what is applied",
-        named("", [SHORT.get(r.way, r.way) for r in rungs]), axis("tip error, mm", p95, zero=True), 520, 260,
+        named("", [SHORT.get(r.way, r.way) for r in rungs]),
+        axis("tip error, mm", p95, zero=True),
+        520,
+        260,
         slanted=True,
-    )  # fmt: skip
+    )
     place = np.arange(float(len(rungs)))
     chart.bars(place, p95, BEFORE, [f"{r.way}: 95 % below {r.errors.p95_mm:.3f} mm" for r in rungs])
     chart.dots(place, mean, AFTER, [f"{r.way}: {r.errors.mean_mm:.3f} mm on average" for r in rungs], 5)

@@ -29,12 +29,14 @@ def plan_page(cell: Cell, plan: Plan, told: Mapping[str, Any]) -> str:
     sections = [
         f'<h1>Touches for {escape(cell.robot.name)}</h1><p class="verdict">{escape(words)}</p>',
         f"<ul>{listed}</ul>" if listed else "",
-        "<h2>Robot, jig and touches</h2>", view(shown),
+        "<h2>Robot, jig and touches</h2>",
+        view(shown),
         '<div class="row"><section><h2>More or fewer touches like these</h2>',
         table(["touches", "95 % of the tip errors below, mm"], curve),
-        "</section><section><h2>Touches on each face</h2>", table(["face", "touches"], _counted(plan)),
+        "</section><section><h2>Touches on each face</h2>",
+        table(["face", "touches"], _counted(plan)),
         "</section></div>",
-    ]  # fmt: skip
+    ]
     return page(f"Touches for {cell.robot.name}", "\n".join(sections), shown)
 
 

@@ -41,19 +41,30 @@ def report(
     sections = [
         head(c, issue or Issue(), measured),
         _verdict(c, verified),
-        "<h2>Accuracy</h2>", _accuracy(c, verified),
+        "<h2>Accuracy</h2>",
+        _accuracy(c, verified),
         "" if zone is None else f"<h2>Expected tip error in the weld zone</h2>{charts.zone_slices(zone)}{ZONE}",
-        "<h2>Robot, jig and touches</h2>", view(shown),
-        _shared(c), history(c, earlier),
+        "<h2>Robot, jig and touches</h2>",
+        view(shown),
+        _shared(c),
+        history(c, earlier),
         "<h2>Residuals</h2>",
         f'<div class="row figures">{charts.residuals_by_face(c, faces)}{charts.residuals_in_time(c)}</div>',
-        findings(c), _outliers(c), chosen(c),
+        findings(c),
+        _outliers(c),
+        chosen(c),
         f'<h2>Parameters</h2><div class="columns">{_parameters(c)}</div>',
-        folded("How well each direction is seen, and correlations",
-               f'<div class="row">{charts.singular_values(c)}{charts.correlations(c)}</div>'),
-        "<h2>How to apply it</h2>", APPLY, ways(ladder(c)), SCALE,
-        "<h2>Where it comes from</h2>", foot(c),
-    ]  # fmt: skip
+        folded(
+            "How well each direction is seen, and correlations",
+            f'<div class="row">{charts.singular_values(c)}{charts.correlations(c)}</div>',
+        ),
+        "<h2>How to apply it</h2>",
+        APPLY,
+        ways(ladder(c)),
+        SCALE,
+        "<h2>Where it comes from</h2>",
+        foot(c),
+    ]
     return page(f"Calibration of {c.cell.robot.name}", "\n".join(sections), shown)
 
 
@@ -99,10 +110,14 @@ def _shared(c: Calibration) -> str:
     for value, deviation in zip(c.shared, sigma, strict=True):
         unit = 1.0 if value.unit == "mm" else np.pi / 180
         off = abs(value.value) > BEYOND * max(value.scale, 1e-12) and value.name.startswith("face.")
-        rows.append([
-            f"{value.name.replace('face.', 'face ', 1)} [{value.unit}]", f"{value.value / unit:+.3f}",
-            f"{1.96 * deviation / unit:.3f}", "stands elsewhere than the jig file says" if off else "",
-        ])  # fmt: skip
+        rows.append(
+            [
+                f"{value.name.replace('face.', 'face ', 1)} [{value.unit}]",
+                f"{value.value / unit:+.3f}",
+                f"{1.96 * deviation / unit:.3f}",
+                "stands elsewhere than the jig file says" if off else "",
+            ]
+        )
     return "<h2>Faces, placements, tools</h2>" + table(["", "value", "+- (95 %)", ""], rows, (3,))
 
 
@@ -162,10 +177,16 @@ def _parameters(c: Calibration) -> str:
         words = sight.get(status) or _carried(c, name)
         value, start = c.theta[i] / unit[i], c.start[i] / unit[i]
         known, digits = status == "estimated", c.cell.robot.decimals[i]
-        rows.append([
-            f"{name} [{c.cell.robot.units[i]}]", f"{start:.{digits}f}", f"{value:.{digits}f}" if known else "",
-            f"{value - start:+.{digits}f}" if known else "", f"{sigma:.{digits}f}" if known else "", words,
-        ])  # fmt: skip
+        rows.append(
+            [
+                f"{name} [{c.cell.robot.units[i]}]",
+                f"{start:.{digits}f}",
+                f"{value:.{digits}f}" if known else "",
+                f"{value - start:+.{digits}f}" if known else "",
+                f"{sigma:.{digits}f}" if known else "",
+                words,
+            ]
+        )
     return table(["parameter", "start", "identified", "change", "+- (95 %)", ""], rows, (5,))
 
 

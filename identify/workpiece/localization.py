@@ -166,9 +166,13 @@ def _robot(calibration: Calibration, touches: Touches, at: Placement) -> Float[n
 
 
 def _chosen(
-    calibration: Calibration, workpiece: Jig, touches: Touches, touched: Contacts,
-    scatter: Float[np.ndarray, " touches"], ends: Placement,
-) -> Placement:  # fmt: skip
+    calibration: Calibration,
+    workpiece: Jig,
+    touches: Touches,
+    touched: Contacts,
+    scatter: Float[np.ndarray, " touches"],
+    ends: Placement,
+) -> Placement:
     """The one answer among the ends of the search; raises InputError where a freedom is open, or two answers fit."""
     r = ends.residual(touched)[0]
     beyond = _beyond(workpiece, touches, touched, ends)
@@ -236,9 +240,15 @@ def _location(
     ]
     deviation = np.sqrt(np.diag(S))
     return Location(
-        workpiece, _matrix(at), C, dict(zip(touches.ids, r.tolist(), strict=True)),
-        dict(zip(touches.ids, deviation.tolist(), strict=True)), chi2, chance, tuple(notes),
-    )  # fmt: skip
+        workpiece,
+        _matrix(at),
+        C,
+        dict(zip(touches.ids, r.tolist(), strict=True)),
+        dict(zip(touches.ids, deviation.tolist(), strict=True)),
+        chi2,
+        chance,
+        tuple(notes),
+    )
 
 
 def _chance(chi2: float, degrees: int) -> float:

@@ -87,9 +87,16 @@ class _Loop:
     """What a campaign knows while it runs."""
 
     def __init__(
-        self, cell: Cell, target: float, most: int, rng: np.random.Generator, touch: Touch, keep: CampaignStore,
-        planner: Planner, batch: int,
-    ) -> None:  # fmt: skip
+        self,
+        cell: Cell,
+        target: float,
+        most: int,
+        rng: np.random.Generator,
+        touch: Touch,
+        keep: CampaignStore,
+        planner: Planner,
+        batch: int,
+    ) -> None:
         self.cell, self.target, self.most, self.rng, self.touch, self.keep = cell, target, most, rng, touch, keep
         self.planner, self.batch = planner, batch
         self.enough = structure(cell).rank + SPARE

@@ -109,10 +109,22 @@ def _read(path: Path, cell: Cell, plan: Plan) -> Touches:
     tried = [i for i, name in enumerate(plan.ids) if status.get(name, HIT) != HIT]
     rest = plan.take(np.array(tried, dtype=int))
     none = np.full(len(rest), np.nan)
-    return joined(hits, Touches(
-        rest.ids, rest.face, rest.q, rest.normal, none, none, tuple(status[name] for name in rest.ids), none,
-        ("",) * len(rest), ("",) * len(rest), rest.approach,
-    ))  # fmt: skip
+    return joined(
+        hits,
+        Touches(
+            rest.ids,
+            rest.face,
+            rest.q,
+            rest.normal,
+            none,
+            none,
+            tuple(status[name] for name in rest.ids),
+            none,
+            ("",) * len(rest),
+            ("",) * len(rest),
+            rest.approach,
+        ),
+    )
 
 
 def _run(job: Job, touching: Touching, settings: Settings, tell: Listener) -> None:

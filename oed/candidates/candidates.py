@@ -67,9 +67,16 @@ class Candidates:
         wire, m = cell.wire, len(self)
         offset = np.array([face.offset for face in self.faces])[self.face]
         return Rows(
-            self.q, self.normal, offset + wire.ball, np.full(m, wire.flat), np.full(m, cell.touch.sigma),
-            tuple(map(str, range(m))), np.arange(m), touch_conditions(self.q, self.approach), self.names(),
-        )  # fmt: skip
+            self.q,
+            self.normal,
+            offset + wire.ball,
+            np.full(m, wire.flat),
+            np.full(m, cell.touch.sigma),
+            tuple(map(str, range(m))),
+            np.arange(m),
+            touch_conditions(self.q, self.approach),
+            self.names(),
+        )
 
 
 COLUMNS = tuple(f.name for f in fields(Candidates) if f.name not in ("faces", "margins", "notes"))
@@ -170,9 +177,15 @@ class _Search:
         ok = infeasibility == Infeasibility.NONE
         pose = found.pose[ok]
         return Candidates(
-            self.faces, face[ok], wanted.point[pose], wanted.normal[pose], tilt[ok], q[ok], approach[ok],
+            self.faces,
+            face[ok],
+            wanted.point[pose],
+            wanted.normal[pose],
+            tilt[ok],
+            q[ok],
+            approach[ok],
             self.feasibility.margins,
-        )  # fmt: skip
+        )
 
     def _settled(
         self, wanted: Targets, q: Float[np.ndarray, "touches joints"]

@@ -115,9 +115,16 @@ class Feasibility:
         tip, R = self.cell.kinematics.tip(q, self.theta)
         above = tip + self.cell.touch.approach * self._frames[face, 2]
         found = reach(
-            self.cell.kinematics, self.theta, above, R, q, free_roll=joints == 5, free_orientation=joints < 5,
-            iterations=8, tolerance=TOLERANCE / 10,
-        )  # fmt: skip
+            self.cell.kinematics,
+            self.theta,
+            above,
+            R,
+            q,
+            free_roll=joints == 5,
+            free_orientation=joints < 5,
+            iterations=8,
+            tolerance=TOLERANCE / 10,
+        )
         turn = np.where(self.cell.robot.prismatic, 0.0, np.abs(found.q - q)).max(axis=1)
         return found.q, found.reached(TOLERANCE) & (turn < TURN)
 

@@ -128,9 +128,15 @@ class Branches:
     def _solved(self, poses: Poses, pose: Int[np.ndarray, " starts"], start: np.ndarray, iterations: int) -> Solutions:
         """Solutions from given starts, each once."""
         found = reach(
-            self.cell.kinematics, self.theta, poses.position[pose], poses.rotation[pose], start,
-            free_roll=self.task == AXIS, free_orientation=self.task == POINT, iterations=iterations,
-        )  # fmt: skip
+            self.cell.kinematics,
+            self.theta,
+            poses.position[pose],
+            poses.rotation[pose],
+            start,
+            free_roll=self.task == AXIS,
+            free_orientation=self.task == POINT,
+            iterations=iterations,
+        )
         ok = found.residual < TOLERANCE
         keep = distinct(self.cell.robot, pose[ok], found.q[ok], self._most)
         return Solutions(poses, pose[ok][keep], found.q[ok][keep])

@@ -1,5 +1,6 @@
 """`touchcal identify`."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,6 +25,7 @@ from oed.cli.screen.progress import progress
 if TYPE_CHECKING:
     from identify.model.cell import Cell
     from identify.model.io.calibration_file import Calibration
+    from identify.model.measurement import Measured
 
 
 @Parameter(name="*")
@@ -76,7 +78,7 @@ def identify(
     keep
         Write the calibration even if it must not be used.
     """
-    from identify.estimation.calibrate import CalibrationFailed, calibrate
+    from identify.estimation.calibrate import CalibrationFailed
     from identify.estimation.verdict import hypotheses, promised, refusals
     from identify.model.files import InputError
     from identify.model.io.calibration_file import write_calibration
@@ -85,15 +87,8 @@ def identify(
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
     described = _with_errors(load_cell(cell), fit.errors)
     measured, inputs = read_measured(files, described, trust_units)
-    try:
-        with progress(not json, "identifying"):
-            found = calibrate(
-                described, *measured, loss=fit.loss, priors=fit.priors, parameters=fit.parameters,
-                errors="auto" if fit.errors == "auto" else "cell", rng=np.random.default_rng(seed), inputs=inputs,
-            )  # fmt: skip
-    except CalibrationFailed as error:
-        causes = "; ".join(f"{finding.kind}: {finding.text}" for finding in hypotheses(described, measured))
-        raise CalibrationFailed(f"{error}. {causes}" if causes else str(error)) from None
+    with progress(not json, "identifying"):
+        found = _calibrated(described, measured, fit, seed, inputs)
     found = replace(found, promise=promised(found))
     reasons = refusals(found)
     if reasons:
@@ -108,6 +103,29 @@ def identify(
     if reasons:
         kept = f"{output} was written all the same" if keep else "nothing was written; --keep writes it all the same"
         raise CalibrationFailed(f"this calibration must not be used: {'; '.join(reasons)}. {kept}")
+
+
+def _calibrated(
+    cell: "Cell", measured: Sequence["Measured"], fit: Fit, seed: int, inputs: Mapping[str, str]
+) -> "Calibration":
+    """The calibration; raises CalibrationFailed with the likely causes if there is none."""
+    from identify.estimation.calibrate import CalibrationFailed, calibrate
+    from identify.estimation.verdict import hypotheses
+
+    try:
+        return calibrate(
+            cell,
+            *measured,
+            loss=fit.loss,
+            priors=fit.priors,
+            parameters=fit.parameters,
+            errors="auto" if fit.errors == "auto" else "cell",
+            rng=np.random.default_rng(seed),
+            inputs=inputs,
+        )
+    except CalibrationFailed as error:
+        causes = "; ".join(f"{finding.kind}: {finding.text}" for finding in hypotheses(cell, measured))
+        raise CalibrationFailed(f"{error}. {causes}" if causes else str(error)) from None
 
 
 def _with_errors(cell: "Cell", errors: str) -> "Cell":

@@ -100,10 +100,7 @@ def criterion_named(name: str | Criterion) -> Criterion:
 
 
 def score(
-    criterion: str | Criterion,
-    M: Float[np.ndarray, "*batch p p"],
-    touches: int = 1,
-    zone: np.ndarray | None = None,
+    criterion: str | Criterion, M: Float[np.ndarray, "*batch p p"], touches: int = 1, zone: np.ndarray | None = None
 ) -> Batch:
     """Value of the criterion for total information M of `touches` touches; a batch of matrices gives a batch of values.
 

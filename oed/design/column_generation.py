@@ -90,10 +90,15 @@ class Search:
         limited = np.flatnonzero((allowed.low > 0) | (allowed.high < 1))
         base = self.prior if self.everywhere is None else self.prior + self.spread * self.everywhere
         return Master(
-            objective, np.sqrt(1 - self.spread) * self._lifted(columns), base, capped, allowed.cap[columns][capped],
+            objective,
+            np.sqrt(1 - self.spread) * self._lifted(columns),
+            base,
+            capped,
+            allowed.cap[columns][capped],
             (allowed.group[columns] == limited[:, None]).astype(float),
-            np.where(allowed.low > 0, allowed.low, -1)[limited], allowed.high[limited],
-        )  # fmt: skip
+            np.where(allowed.low > 0, allowed.low, -1)[limited],
+            allowed.high[limited],
+        )
 
     def run(self, objective: Criterion, gap: float) -> None:
         """Rounds of master and pricing until the bound is met, or the objective cannot tell more."""

@@ -73,9 +73,20 @@ def exact_design(
     `rng`; with `seconds` it goes on until they are over, and what it finds depends on the machine.
     """
     problem = design_problem(
-        rows, n, criterion, prior=prior, zone=zone, fixed=fixed, face=face, quotas=quotas, positions=positions,
-        min_distance=min_distance, repeats=repeats, cost=cost, budget=budget,
-    )  # fmt: skip
+        rows,
+        n,
+        criterion,
+        prior=prior,
+        zone=zone,
+        fixed=fixed,
+        face=face,
+        quotas=quotas,
+        positions=positions,
+        min_distance=min_distance,
+        repeats=repeats,
+        cost=cost,
+        budget=budget,
+    )
     rng = np.random.default_rng(0) if rng is None else rng
     relaxation = problem.relaxed(repeats) if relaxation is None else relaxation
     level, M = _scaled(problem, relaxation)
@@ -85,7 +96,18 @@ def exact_design(
     progress = _progress(seconds, iterations)
     found, searches = _searched(problem, relaxation.closeness, basis, size, rng, progress, begin)
     best = max((_polished(problem, basis, ids) for ids in found), key=lambda winner: winner.log)
-    chosen = best.members[best.members < len(problem.rows)]
+    return _design(problem, best.members, relaxation, searches, level)
+
+
+def _design(
+    problem: DesignProblem,
+    members: Int[np.ndarray, " members"],
+    relaxation: ApproximateDesign,
+    searches: int,
+    level: float,
+) -> ExactDesign:
+    """The design of the best members, by the total information, prior and fixed touches included."""
+    chosen = members[members < len(problem.rows)]
     indices = np.concatenate([problem.fixed, chosen])
     total = problem.known + information(problem.rows[chosen])
     value = float(problem.criterion.value(total, len(indices)))

@@ -141,11 +141,7 @@ class Population:
 
 
 def evolve(
-    pool: Pool,
-    size: int,
-    rng: np.random.Generator,
-    progress: Callable[[int], float],
-    start: Members | None = None,
+    pool: Pool, size: int, rng: np.random.Generator, progress: Callable[[int], float], start: Members | None = None
 ) -> tuple[list[Found], int]:
     """The best sets, best first, and the searches made until `progress(searches)` says 1; none if the rules allow none.
 

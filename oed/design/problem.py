@@ -90,10 +90,14 @@ def design_problem(
             f"ask for {p - rank - slots} more, or give a prior"
         )
     rules = Rules(
-        size=count + slots, repeats=repeats, distance=float(min_distance), budget=room,
+        size=count + slots,
+        repeats=repeats,
+        distance=float(min_distance),
+        budget=room,
         cost=None if cost is None else np.concatenate([cost, np.zeros(slots)]),
-        position=_places(positions, min_distance, count, slots), **_quotas(face, quotas, taken, count, slots, repeats),
-    )  # fmt: skip
+        position=_places(positions, min_distance, count, slots),
+        **_quotas(face, quotas, taken, count, slots, repeats),
+    )
     free = np.ones(count + slots, bool)
     if not repeats:
         free[taken] = False

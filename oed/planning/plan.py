@@ -134,18 +134,27 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
     plan, basis = with_via(plan_of(touches), choice.order.via), offered.identifiable.basis
     rows = offered.prior.unknowns.rows(touches.rows(offered.cell), offered.theta)
     return PlanResult(
-        plan=plan, strategy=setting.strategy, criterion=setting.criterion, indices=indices(offered, rows),
-        efficiency=choice.efficiency, efficiency_covers="candidates", joined=choice.joined,
-        offered=choice.offered or len(offered.candidates), manifold=choice.manifold,
+        plan=plan,
+        strategy=setting.strategy,
+        criterion=setting.criterion,
+        indices=indices(offered, rows),
+        efficiency=choice.efficiency,
+        efficiency_covers="candidates",
+        joined=choice.joined,
+        offered=choice.offered or len(offered.candidates),
+        manifold=choice.manifold,
         manifold_covers=choice.certificate.covers if choice.manifold is not None and choice.certificate else None,
-        promise=offered.promise(touches), curve=curve(offered, touches),
+        promise=offered.promise(touches),
+        curve=curve(offered, touches),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
         unseen=unseen(offered.identifiable, offered.rows @ basis, rows @ basis, offered.zone),
         notes=(
-            *offered.candidates.notes, *offered.warnings(touches), *_blocked(plan, choice.order),
+            *offered.candidates.notes,
+            *offered.warnings(touches),
+            *_blocked(plan, choice.order),
             limiting(offered.prior.updated(rows), offered.zone),
         ),
-    )  # fmt: skip
+    )
 
 
 def indices(offered: CandidateSet, rows: Float[np.ndarray, "touches unknowns"]) -> dict[str, float]:

@@ -69,11 +69,7 @@ class UncertainCandidateSet(CandidateSet):
 
 
 def plan_under_uncertainty(
-    cell: Cell,
-    n: int,
-    rng: np.random.Generator,
-    after: Calibration | None = None,
-    trail: Plan | None = None,
+    cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None = None, trail: Plan | None = None
 ) -> Plan:
     """A plan for a badly known robot, that begins with a clear way from the last touch of a trail."""
     found = candidate_set(cell, rng, after=after, count=ROUGH)

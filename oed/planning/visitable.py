@@ -147,10 +147,17 @@ class Best:
         searches = self.searches if before is None else min(self.searches, FEW)
         seconds = self.seconds if before is None else None
         found = exact_design(
-            self.rows[some], self.n, self.measure, relaxation=self.bound(allowed), start=start,
-            iterations=searches, seconds=seconds, prior=self.coordinates.precision,
-            positions=_places(self.offered)[some], min_distance=1.0,
-        )  # fmt: skip
+            self.rows[some],
+            self.n,
+            self.measure,
+            relaxation=self.bound(allowed),
+            start=start,
+            iterations=searches,
+            seconds=seconds,
+            prior=self.coordinates.precision,
+            positions=_places(self.offered)[some],
+            min_distance=1.0,
+        )
         return some[found.indices]
 
     def bound(self, allowed: Bool[np.ndarray, " touches"]) -> ApproximateDesign:

@@ -70,10 +70,14 @@ def plan_workpiece(
     corners = corner_rows(offered.prior, after)
     touches, order = best_in_order(offered, n, "V", rng, corners)
     return WorkpiecePlan(
-        plan=with_via(plan_of(touches), order.via), cell=placed, faces=_faces(touches),
-        promise=offered.promise_of(corners, touches), curve=_curve(offered, corners), minutes=order.minutes,
+        plan=with_via(plan_of(touches), order.via),
+        cell=placed,
+        faces=_faces(touches),
+        promise=offered.promise_of(corners, touches),
+        curve=_curve(offered, corners),
+        minutes=order.minutes,
         notes=(*offered.candidates.notes, *(f"the way after touch {i + 1} is not clear" for i in order.blocked)),
-    )  # fmt: skip
+    )
 
 
 def with_workpiece(
@@ -119,11 +123,14 @@ def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
     covariance[:6, :6] += _tolerance(placed, placed.base)
     calibrated = [
         Shared(
-            f"{CALIBRATED}{after.estimated[k]}", "deg" if after.cell.robot.angular[after.index[k]] else "mm",
-            float(after.cell.scale[after.index[k]]), 1.0, lambda at: np.zeros(len(at.rows)),
+            f"{CALIBRATED}{after.estimated[k]}",
+            "deg" if after.cell.robot.angular[after.index[k]] else "mm",
+            float(after.cell.scale[after.index[k]]),
+            1.0,
+            lambda at: np.zeros(len(at.rows)),
         )
         for k in base
-    ]  # fmt: skip
+    ]
     unknowns = Unknowns.of(replace(placed, fixed=frozenset()), further=calibrated)
     parameters = np.array([*range(6), *(after.index[k] for k in links)])
     names = [*placed.robot.parameters[:6], *(after.estimated[k] for k in links), *(c.name for c in calibrated)]

@@ -86,9 +86,13 @@ class Refinement:
         at, out = self.program.numbers(touches), touches.q.copy()
         for i in range(len(touches)):
             found = self.solver(
-                x0=at.x[i], p=np.concatenate([at.p[i], C[i].ravel(), (S[i] / _size(S[i])).ravel()]),
-                lbx=at.x_limits[0, i], ubx=at.x_limits[1, i], lbg=at.g_limits[0, i], ubg=at.g_limits[1, i],
-            )  # fmt: skip
+                x0=at.x[i],
+                p=np.concatenate([at.p[i], C[i].ravel(), (S[i] / _size(S[i])).ravel()]),
+                lbx=at.x_limits[0, i],
+                ubx=at.x_limits[1, i],
+                lbg=at.g_limits[0, i],
+                ubg=at.g_limits[1, i],
+            )
             out[i] = np.array(found["x"]).ravel()[: out.shape[1]]
             if progress:
                 progress((i + 1) / len(touches))
@@ -107,9 +111,14 @@ class Refinement:
         normal = touches.normal[owner]
         lean = -(R[:, :, 2] * normal).sum(axis=1)
         trials = replace(
-            touches, face=face, point=self._foot(face, p), normal=normal, tilt=np.arccos(np.clip(lean, -1, 1)), q=q,
+            touches,
+            face=face,
+            point=self._foot(face, p),
+            normal=normal,
+            tilt=np.arccos(np.clip(lean, -1, 1)),
+            q=q,
             approach=approach,
-        )  # fmt: skip
+        )
         fine = landed & (infeasibility == Infeasibility.NONE) & self._inset(trials)
         return trials.take(fine), owner[fine]
 
@@ -121,9 +130,14 @@ class Refinement:
         normal = self._normal[face]
         to = self._foot(face, p) + self._extent(face, R)[:, None] * normal
         found = reach(
-            self.cell.kinematics, self.coordinates.theta, to, R, q, free_roll=q.shape[1] == 5,
+            self.cell.kinematics,
+            self.coordinates.theta,
+            to,
+            R,
+            q,
+            free_roll=q.shape[1] == 5,
             free_orientation=q.shape[1] < 5,
-        )  # fmt: skip
+        )
         return found.q, found.reached()
 
     @cached_property

@@ -17,10 +17,17 @@ from oed.candidates.edge_margins import Margins
 
 FAR = 0.6  # [rad], most that a joint turns in one move; times LEVER mm where it slides
 OPTIONS: dict[str, Any] = {
-    "print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.max_iter": 40, "ipopt.tol": 1e-5,
-    "ipopt.acceptable_tol": 1e-3, "ipopt.acceptable_iter": 3, "ipopt.mu_init": 1e-3, "ipopt.bound_push": 1e-4,
+    "print_time": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.max_iter": 40,
+    "ipopt.tol": 1e-5,
+    "ipopt.acceptable_tol": 1e-3,
+    "ipopt.acceptable_iter": 3,
+    "ipopt.mu_init": 1e-3,
+    "ipopt.bound_push": 1e-4,
     "ipopt.bound_frac": 1e-4,
-}  # fmt: skip
+}
 HAIR = 1e-6  # [rad] or [mm] that solutions keep from limits, for rounding
 
 
@@ -130,12 +137,13 @@ class Program:
         zero, lean = np.zeros((m, 1)), np.full((m, 1), np.cos(cell.touch.max_tilt - HAIR))
         held = np.zeros((m, self.constraints.shape[0] - 4 - lower.shape[1]))
         return Numbers(
-            x=np.hstack([touches.q, touches.approach]), p=p,
+            x=np.hstack([touches.q, touches.approach]),
+            p=p,
             x_limits=np.stack([np.hstack([low, lower]), np.hstack([high, upper])]),
-            g_limits=np.stack([
-                np.hstack([zero, inset, lean, held, lower]), np.hstack([zero, 1 - inset, zero + 1, held, upper]),
-            ]),
-        )  # fmt: skip
+            g_limits=np.stack(
+                [np.hstack([zero, inset, lean, held, lower]), np.hstack([zero, 1 - inset, zero + 1, held, upper])]
+            ),
+        )
 
     def _shared(self, touches: Candidates) -> Float[np.ndarray, "touches k"]:
         """What unknowns that touches share add to their rows."""

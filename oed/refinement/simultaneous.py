@@ -34,9 +34,13 @@ class Simultaneous:
         """Where Ipopt would have all touches, within joint limits, tilt and insets."""
         at = self.program.numbers(touches)
         found = self.solver(
-            x0=at.x.ravel(), p=at.p.ravel(), lbx=at.x_limits[0].ravel(), ubx=at.x_limits[1].ravel(),
-            lbg=at.g_limits[0].ravel(), ubg=at.g_limits[1].ravel(),
-        )  # fmt: skip
+            x0=at.x.ravel(),
+            p=at.p.ravel(),
+            lbx=at.x_limits[0].ravel(),
+            ubx=at.x_limits[1].ravel(),
+            lbg=at.g_limits[0].ravel(),
+            ubg=at.g_limits[1].ravel(),
+        )
         return np.array(found["x"]).reshape(self.n, -1)[:, : touches.q.shape[1]]
 
     @cached_property

@@ -52,9 +52,15 @@ class Grbl:
     """
 
     def __init__(
-        self, transport: Transport, robot: Robot, clock: Clock, *, axis_unit_deg: float = 1.0, unlock: bool = False,
+        self,
+        transport: Transport,
+        robot: Robot,
+        clock: Clock,
+        *,
+        axis_unit_deg: float = 1.0,
+        unlock: bool = False,
         home: bool = False,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.name = f"GRBL at {transport.url}"
         self.joints = len(robot.joints)
         self.link = GrblLink(transport, clock, self.joints)

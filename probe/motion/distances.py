@@ -79,11 +79,7 @@ def segment_box(start: Points, end: Points, lower: Corner, upper: Corner) -> Flo
 
 
 def _slope(
-    start: Points,
-    along: Points,
-    place: Float[np.ndarray, " rows"],
-    lower: Corner,
-    upper: Corner,
+    start: Points, along: Points, place: Float[np.ndarray, " rows"], lower: Corner, upper: Corner
 ) -> Float[np.ndarray, " rows"]:
     """Half the slope of the squared distance from a box at a place of the segments."""
     slope = np.zeros(len(place))

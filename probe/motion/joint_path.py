@@ -106,10 +106,7 @@ class Geometry:
         return Target(plan.ids[i], face, approach, contact, end, length, plan.way(i)[:-1])
 
     def fraction(
-        self,
-        q: Float[np.ndarray, " joints"],
-        start: Float[np.ndarray, " joints"],
-        end: Float[np.ndarray, " joints"],
+        self, q: Float[np.ndarray, " joints"], start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]
     ) -> tuple[float, float]:
         """How far along a joint line a point lies (0 ... 1), and how far off it [rad, or mm counted as deg]."""
         a, b, p = start / self.unit, end / self.unit, q / self.unit

@@ -30,9 +30,15 @@ class Imported:
 
 
 def imported(
-    logs: Sequence[Log], plan: Plan, cell: Cell, maker: str, *, straight: bool, temperature: float | None = None,
+    logs: Sequence[Log],
+    plan: Plan,
+    cell: Cell,
+    maker: str,
+    *,
+    straight: bool,
+    temperature: float | None = None,
     note: str = "",
-) -> Imported:  # fmt: skip
+) -> Imported:
     """The touches of a plan that programs of a maker logged; where two logs tell of one, the later log counts.
 
     A touch counts if the program saw the input open before, closed at rest and open after the retract, if the latched
@@ -56,12 +62,18 @@ def imported(
     q = [entry.latch if status in (HIT, "outlier") else targets[i].approach for i, entry, status, _ in rows]
     none = np.full(len(rows), np.nan)
     touches = Touches(
-        ids=tuple(plan.ids[i] for i in made), face=tuple(plan.face[i] for i in made),
-        q=np.array(q).reshape(-1, plan.q.shape[1]), normal=np.full((len(rows), 3), np.nan), offset=none, sigma=none,
+        ids=tuple(plan.ids[i] for i in made),
+        face=tuple(plan.face[i] for i in made),
+        q=np.array(q).reshape(-1, plan.q.shape[1]),
+        normal=np.full((len(rows), 3), np.nan),
+        offset=none,
+        sigma=none,
         status=tuple(status for _, _, status, _ in rows),
-        temperature=none if temperature is None else np.full(len(rows), temperature), time=("",) * len(rows),
-        note=tuple("; ".join(filter(None, (reason, note))) for *_, reason in rows), approach=plan.approach[made],
-    )  # fmt: skip
+        temperature=none if temperature is None else np.full(len(rows), temperature),
+        time=("",) * len(rows),
+        note=tuple("; ".join(filter(None, (reason, note))) for *_, reason in rows),
+        approach=plan.approach[made],
+    )
     return Imported(touches, tuple(name for i, name in enumerate(plan.ids) if i + 1 not in entries))
 
 

@@ -239,14 +239,28 @@ END""".splitlines()
 
 def _program(part: Part, name: str, lines: Sequence[str], positions: Sequence[Joints]) -> str:
     head = [
-        f"/PROG  {name}", "/ATTR", "OWNER\t\t= MNEDITOR;", f'COMMENT\t\t= "touchcal {part.number}/{part.parts}";',
+        f"/PROG  {name}",
+        "/ATTR",
+        "OWNER\t\t= MNEDITOR;",
+        f'COMMENT\t\t= "touchcal {part.number}/{part.parts}";',
         "PROG_SIZE\t= 0;",
-        "CREATE\t\t= DATE 26-01-01  TIME 00:00:00;", "MODIFIED\t= DATE 26-01-01  TIME 00:00:00;", "FILE_NAME\t= ;",
-        "VERSION\t\t= 0;", f"LINE_COUNT\t= {len(lines)};", "MEMORY_SIZE\t= 0;", "PROTECT\t\t= READ_WRITE;",
-        "TCD:  STACK_SIZE\t= 0,", "      TASK_PRIORITY\t= 50,", "      TIME_SLICE\t= 0,", "      BUSY_LAMP_OFF\t= 0,",
-        "      ABORT_REQUEST\t= 0,", "      PAUSE_REQUEST\t= 0;", "DEFAULT_GROUP\t= 1,*,*,*,*;",
-        "CONTROL_CODE\t= 00000000 00000000;", "/MN",
-    ]  # fmt: skip
+        "CREATE\t\t= DATE 26-01-01  TIME 00:00:00;",
+        "MODIFIED\t= DATE 26-01-01  TIME 00:00:00;",
+        "FILE_NAME\t= ;",
+        "VERSION\t\t= 0;",
+        f"LINE_COUNT\t= {len(lines)};",
+        "MEMORY_SIZE\t= 0;",
+        "PROTECT\t\t= READ_WRITE;",
+        "TCD:  STACK_SIZE\t= 0,",
+        "      TASK_PRIORITY\t= 50,",
+        "      TIME_SLICE\t= 0,",
+        "      BUSY_LAMP_OFF\t= 0,",
+        "      ABORT_REQUEST\t= 0,",
+        "      PAUSE_REQUEST\t= 0;",
+        "DEFAULT_GROUP\t= 1,*,*,*,*;",
+        "CONTROL_CODE\t= 00000000 00000000;",
+        "/MN",
+    ]
     body = [f"{k:4d}:{'' if line.startswith('J ') else '  '}{line} ;" for k, line in enumerate(lines, 1)]
     tail = ["/POS"]
     for k, counts in enumerate(positions, 1):

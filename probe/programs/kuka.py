@@ -18,19 +18,7 @@ import numpy as np
 
 from identify.model.files import read_text
 from identify.model.robot import Robot
-from probe.programs.log import (
-    CLOSED,
-    HELD,
-    JOINTS,
-    MISSED,
-    NOT_MADE,
-    OPENED,
-    TOUCHED,
-    Entry,
-    Log,
-    fault,
-    header,
-)
+from probe.programs.log import CLOSED, HELD, JOINTS, MISSED, NOT_MADE, OPENED, TOUCHED, Entry, Log, fault, header
 from probe.programs.options import Options
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, joined, percent

@@ -26,11 +26,14 @@ def page(instructions: Instructions, signal: str, parts: Sequence[Part], options
 def _page(maker: Instructions, signal: str, parts: Sequence[Part], options: Options) -> Iterator[str]:
     touches, kind = sum(len(part.routines) for part in parts), "rehearsal" if options.rehearsal else "touches"
     words = {
-        "input": options.input or signal, "host": options.host, "port": options.port,
-        "first": options.first, "zero": options.first - 1,
+        "input": options.input or signal,
+        "host": options.host,
+        "port": options.port,
+        "first": options.first,
+        "zero": options.first - 1,
         "last": options.first + 2 + 2 * max(len(part.routines) for part in parts),
         "numbers": options.first + 9 + max(len(part.routines) for part in parts),
-    }  # fmt: skip
+    }
     yield from (f"# {maker.title}: {touches} {kind} in {len(parts)} file{'s' if len(parts) > 1 else ''}", "")
     yield f"**{UNTRIED}** Its statements follow the maker's manuals and public programs; an interpreter of them, not a"
     yield from ("controller, has run it. Read it before you run it, and keep a hand on the stop.", "")

@@ -131,10 +131,17 @@ def _routine(number: int, target: Target, end: Joints, route: list[Joints | None
     base_R_jig = rotation(*(np.zeros(3) if cell.base is None else cell.base[3:])).T
     length = geometry.length(target.approach, end)
     return Routine(
-        number=number, id=target.id, face=target.face.name, legs=legs,
-        back=_leg(end, legs[-1].q, geometry, geometry.settings.retract_speed), start=target.approach, end=end,
-        along=base_R_jig @ (tips[1] - tips[0]), length=length, seconds=length / geometry.search_speed,
-    )  # fmt: skip
+        number=number,
+        id=target.id,
+        face=target.face.name,
+        legs=legs,
+        back=_leg(end, legs[-1].q, geometry, geometry.settings.retract_speed),
+        start=target.approach,
+        end=end,
+        along=base_R_jig @ (tips[1] - tips[0]),
+        length=length,
+        seconds=length / geometry.search_speed,
+    )
 
 
 def _leg(start: Joints | None, q: Joints, geometry: Geometry, speed: float) -> Leg:

@@ -53,9 +53,7 @@ def without_delay(results: Iterable[Result], cell: Cell, delay: float) -> Touche
     """
     kept = [r for r in results if r.status == HIT and np.isfinite(r.reading.velocity).all()]
     faces = {} if cell.jig is None else cell.jig.by_name
-    moved = [
-        replace(r, note="; ".join(filter(None, (r.note, f"set back by {1000 * delay:.2f} ms")))) for r in kept
-    ]  # fmt: skip
+    moved = [replace(r, note="; ".join(filter(None, (r.note, f"set back by {1000 * delay:.2f} ms")))) for r in kept]
     joints = len(cell.robot.joints)
     return Touches(
         ids=tuple(r.id for r in moved),

@@ -195,10 +195,19 @@ class Execution:
         judged = surprise or Surprise(np.nan, np.nan, np.nan)
         self.tell(
             Touched(
-                name, target.face.name, status, judged.residual, judged.difference, judged.expected, attempts, words,
-                self._done(), len(self.targets), left,
+                name,
+                target.face.name,
+                status,
+                judged.residual,
+                judged.difference,
+                judged.expected,
+                attempts,
+                words,
+                self._done(),
+                len(self.targets),
+                left,
             )
-        )  # fmt: skip
+        )
         return result
 
     def _count(self, result: Result) -> None:

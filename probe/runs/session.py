@@ -246,9 +246,18 @@ class Session:
         none = np.full((1, 3), np.nan)
         note = " ".join(result.note.split())  # one row is one line
         row = Touches(
-            (result.id,), (result.face,), result.reading.q[None], none, none[0, :1], none[0, :1], (result.status,),
-            np.array([result.temperature]), (result.time,), (note,), self.plan.approach[[self._place(result.id)]],
-        )  # fmt: skip
+            (result.id,),
+            (result.face,),
+            result.reading.q[None],
+            none,
+            none[0, :1],
+            none[0, :1],
+            (result.status,),
+            np.array([result.temperature]),
+            (result.time,),
+            (note,),
+            self.plan.approach[[self._place(result.id)]],
+        )
         return touches_text(row, self.cell.robot).split("\n")[1]
 
     def _place(self, name: str) -> int:

@@ -24,9 +24,15 @@ def search_end(cell: Cell, plan: Plan) -> Float[np.ndarray, "touches joints"]:
 
 
 def touch_batch(
-    cell: Cell, truth: Truth, plan: Plan, rng: np.random.Generator, *, sigma: float | None = None, timing: bool = False,
+    cell: Cell,
+    truth: Truth,
+    plan: Plan,
+    rng: np.random.Generator,
+    *,
+    sigma: float | None = None,
+    timing: bool = False,
     blind: bool = False,
-) -> Touches:  # fmt: skip
+) -> Touches:
     """What a robot measures that is truly `truth`, when it makes the touches of a plan one after the other.
 
     Each touch searches along the straight line in joint space from the approach through the planned point and on to
@@ -90,9 +96,15 @@ def _late(
 
 
 def _touches(
-    cell: Cell, truth: Truth, plan: Plan, q: Float[np.ndarray, "touches joints"], met: np.ndarray,
-    found: Bool[np.ndarray, " touches"], early: Bool[np.ndarray, " touches"], blind: bool,
-) -> Touches:  # fmt: skip
+    cell: Cell,
+    truth: Truth,
+    plan: Plan,
+    q: Float[np.ndarray, "touches joints"],
+    met: np.ndarray,
+    found: Bool[np.ndarray, " touches"],
+    early: Bool[np.ndarray, " touches"],
+    blind: bool,
+) -> Touches:
     faces = cell.the_jig.by_name
     planned = np.array(plan.face)
     names, where = np.unique(planned, return_inverse=True)
@@ -101,10 +113,15 @@ def _touches(
     note = np.where(found, np.char.add("touched ", met), f"no contact within {cell.touch.travel:g} mm")
     note = np.where(early, "in contact at the approach", np.where(hit, "", note))
     return Touches(
-        ids=plan.ids, face=plan.face, q=q, normal=np.array([f.normal for f in known]).reshape(-1, 3)[where],
+        ids=plan.ids,
+        face=plan.face,
+        q=q,
+        normal=np.array([f.normal for f in known]).reshape(-1, 3)[where],
         offset=np.array([f.offset for f in known])[where],
         sigma=np.full(len(plan), cell.touch.sigma),
         status=tuple(np.where(early, "early", np.where(hit, HIT, "miss")).tolist()),
-        temperature=truth.temperature(np.arange(len(plan))), time=("",) * len(plan), note=tuple(note.tolist()),
+        temperature=truth.temperature(np.arange(len(plan))),
+        time=("",) * len(plan),
+        note=tuple(note.tolist()),
         approach=plan.approach,
-    )  # fmt: skip
+    )

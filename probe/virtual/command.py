@@ -47,10 +47,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         truth = choose_truth(cell, asked.truth, asked.seed)
         start = None if asked.start is None else _joints(asked.start, cell)
         run(
-            cell, truth, lambda url: print(url, flush=True), protocol=asked.protocol, port=asked.port,
-            faults=asked.fault, seed=asked.seed, speed=asked.speed, start=start, baud=asked.baud,
-            deadman=asked.deadman, log=asked.log, axis_unit_deg=asked.axis_unit_deg,
-        )  # fmt: skip
+            cell,
+            truth,
+            lambda url: print(url, flush=True),
+            protocol=asked.protocol,
+            port=asked.port,
+            faults=asked.fault,
+            seed=asked.seed,
+            speed=asked.speed,
+            start=start,
+            baud=asked.baud,
+            deadman=asked.deadman,
+            log=asked.log,
+            axis_unit_deg=asked.axis_unit_deg,
+        )
     except (ValueError, OSError) as error:  # InputError among them
         print(error, file=sys.stderr)
         return 2

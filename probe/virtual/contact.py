@@ -54,9 +54,12 @@ def _padded(rows: int) -> int:
 
 
 def touching(
-    kinematics: Kinematics, surface: Surfaces, paths: Paths, fraction: Float[np.ndarray, " paths"],
+    kinematics: Kinematics,
+    surface: Surfaces,
+    paths: Paths,
+    fraction: Float[np.ndarray, " paths"],
     shift: Float[np.ndarray, " paths"],
-) -> Bool[np.ndarray, " paths"]:  # fmt: skip
+) -> Bool[np.ndarray, " paths"]:
     """Whether the wire touches at a fraction of each path, the contact coming `shift` [mm] before a face."""
     position, axis = paths.tips(kinematics, np.arange(len(fraction)), fraction)
     return surface.closed(position, axis, surface.gap(position, axis) - shift[:, None])
@@ -96,9 +99,12 @@ def first_contact(
 
 
 def _entries(
-    surface: Surfaces, position: Float[np.ndarray, "rows 3"], axis: Float[np.ndarray, "rows 3"],
-    gap: Float[np.ndarray, "rows surfaces"], samples: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    surface: Surfaces,
+    position: Float[np.ndarray, "rows 3"],
+    axis: Float[np.ndarray, "rows 3"],
+    gap: Float[np.ndarray, "rows surfaces"],
+    samples: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Entries into slabs: sample before, surface, fraction of the interval, and whether through the face itself."""
     low, high = np.minimum(gap[:-1], gap[1:]), np.maximum(gap[:-1], gap[1:])
     near = (low <= 0) & (high >= -surface.depth)

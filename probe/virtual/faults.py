@@ -77,10 +77,15 @@ def parse_fault(text: str) -> Fault:
     way, scope = ("out" if kind == "unsolicited" else "both"), KINDS[kind][0]
     try:
         fault = Fault(
-            kind, rate=float(written["rate"] or 0), at=int(written["at"] or (0 if written["rate"] else 1)),
-            way=options.get("way", way), seconds=float(options.get("seconds", SECONDS.get(kind, 0.0))),
-            fraction=float(options.get("fraction", 0.5)), on=options.get("on", scope), lasts=int(options.get("for", 1)),
-        )  # fmt: skip
+            kind,
+            rate=float(written["rate"] or 0),
+            at=int(written["at"] or (0 if written["rate"] else 1)),
+            way=options.get("way", way),
+            seconds=float(options.get("seconds", SECONDS.get(kind, 0.0))),
+            fraction=float(options.get("fraction", 0.5)),
+            on=options.get("on", scope),
+            lasts=int(options.get("for", 1)),
+        )
     except ValueError as error:
         raise InputError(f"fault '{text}': {error}") from None
     if unknown or fault.way not in ("in", "out", "both") or fault.on not in (LINE, SEARCH, MOVE, "any"):

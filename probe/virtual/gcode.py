@@ -44,7 +44,10 @@ def read_block(code: str, axes: str) -> Block | int:
     if ("P" in values) != ("G4" in motions):
         return UNUSED if "P" in values else MISSING
     block = Block(
-        "".join(motions), "".join(offsets), tuple(g for g in gs if g in MODES), values,
+        "".join(motions),
+        "".join(offsets),
+        tuple(g for g in gs if g in MODES),
+        values,
         {a: values[a] for a in axes if a in values},
-    )  # fmt: skip
+    )
     return NO_AXES if block.motion.startswith("G38") and not block.axes else block

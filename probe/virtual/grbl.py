@@ -25,19 +25,7 @@ import numpy as np
 from jaxtyping import Float
 
 from probe.virtual.gcode import Block, read_block
-from probe.virtual.grbl_state import (
-    AXES,
-    BANNER,
-    LATE,
-    LONGEST,
-    OKAY,
-    QUEUE,
-    RAPID,
-    REALTIME,
-    GrblState,
-    Queued,
-    error,
-)
+from probe.virtual.grbl_state import AXES, BANNER, LATE, LONGEST, OKAY, QUEUE, RAPID, REALTIME, GrblState, Queued, error
 from probe.virtual.records import CONTACT, MOVE, NEVER, SEARCH, Outcome
 
 

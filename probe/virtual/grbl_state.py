@@ -40,9 +40,13 @@ class GrblState:
     """What GRBL remembers between two lines."""
 
     def __init__(
-        self, robot: VirtualRobot, *, axis_unit_deg: float = 1.0, unsolicited: tuple[bytes, ...] = (),
+        self,
+        robot: VirtualRobot,
+        *,
+        axis_unit_deg: float = 1.0,
+        unsolicited: tuple[bytes, ...] = (),
         quirks: Iterable[str] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.robot, self.quirks = robot, frozenset(quirks)
         self.unit = np.where(robot.cell.robot.prismatic, 1.0, axis_unit_deg)  # [deg] or [mm] an axis unit
         self.unsolicited = unsolicited  # lines that nobody asked for, after the banner

@@ -231,9 +231,15 @@ class VirtualRobot:
             fraction, latch = met.enter, motion.at(seen)
             q = motion.start + fraction * (motion.target - motion.start)
             truth = Truly(
-                motion.profile.time(fraction), seen, met.surface, q - self._zero, motion.trip.arm(fraction),
-                latch - self._zero, self.arm.theta, self.arm.shift,
-            )  # fmt: skip
+                motion.profile.time(fraction),
+                seen,
+                met.surface,
+                q - self._zero,
+                motion.trip.arm(fraction),
+                latch - self._zero,
+                self.arm.theta,
+                self.arm.shift,
+            )
             self.touches.append(truth)
             self.arm.count()
         if not motion.code:

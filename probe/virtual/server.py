@@ -82,11 +82,21 @@ class VirtualCell:
     """
 
     def __init__(
-        self, cell: Cell, truth: Truth, *, protocol: str = "line", port: str = "pty",
-        faults: Iterable[Fault | str] = (), seed: int = 0, speed: float = 1.0,
-        start: Float[np.ndarray, " joints"] | None = None, deadman: float | None = None, baud: int | None = None,
-        log: Path | None = None, axis_unit_deg: float = 1.0,
-    ) -> None:  # fmt: skip
+        self,
+        cell: Cell,
+        truth: Truth,
+        *,
+        protocol: str = "line",
+        port: str = "pty",
+        faults: Iterable[Fault | str] = (),
+        seed: int = 0,
+        speed: float = 1.0,
+        start: Float[np.ndarray, " joints"] | None = None,
+        deadman: float | None = None,
+        baud: int | None = None,
+        log: Path | None = None,
+        axis_unit_deg: float = 1.0,
+    ) -> None:
         robot_rng, line_rng, fault_rng = np.random.default_rng(seed).spawn(3)
         self.clock, self.lock = Clock(speed), threading.RLock()
         self.robot = VirtualRobot(cell, truth, robot_rng, start=start)

@@ -90,11 +90,16 @@ def _drawn(jig: Jig, wire: Wire) -> Surfaces:
     u, v, normal = (np.array([getattr(face, key) for face in faces]) for key in ("u", "v", "normal"))
     size = np.array([face.size for face in faces])
     return Surfaces(
-        names=tuple(face.name for face in faces), origin=np.array([face.origin for face in faces]),
-        u=u / size[:, :1], v=v / size[:, 1:], normal=normal, size=size,
+        names=tuple(face.name for face in faces),
+        origin=np.array([face.origin for face in faces]),
+        u=u / size[:, :1],
+        v=v / size[:, 1:],
+        normal=normal,
+        size=size,
         boxes=np.array([(box.lower, box.upper) for box in jig.boxes], dtype=float).reshape(-1, 2, 3),
-        flat=wire.flat, ball=wire.ball,
-    )  # fmt: skip
+        flat=wire.flat,
+        ball=wire.ball,
+    )
 
 
 def _sides(jig: Jig) -> list[Face]:

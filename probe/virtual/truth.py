@@ -194,12 +194,15 @@ def with_effects(truth: Truth, **effects: object) -> Truth:
 def _effects(entry: EffectsEntry) -> Effects:
     ms = 0.001
     return Effects(
-        sigma=entry.sigma_mm, joint_noise=(entry.joint_noise_mm, entry.joint_noise_deg * DEG),
-        backlash=(entry.backlash_mm, entry.backlash_deg * DEG), relay_delay=entry.relay_delay_ms * ms,
-        servo=entry.servo_ms * ms, bounce=entry.bounce_ms * ms,
+        sigma=entry.sigma_mm,
+        joint_noise=(entry.joint_noise_mm, entry.joint_noise_deg * DEG),
+        backlash=(entry.backlash_mm, entry.backlash_deg * DEG),
+        relay_delay=entry.relay_delay_ms * ms,
+        servo=entry.servo_ms * ms,
+        bounce=entry.bounce_ms * ms,
         wire=tuple((change.touch, change.change_mm) for change in entry.wire),
         warming=tuple((at.touch, at.temperature_c) for at in sorted(entry.warming, key=lambda at: at.touch)),
-    )  # fmt: skip
+    )
 
 
 def _unknown(file: TruthFile, document: Document, cell: Cell) -> list[Mistake]:

@@ -126,6 +126,8 @@ def detmax(problem: Problem) -> Problem:
 
 
 METHODS = {
-    "figaroh structural": identify("structural"), "figaroh map": identify("map"),
-    "figaroh SOCP": socp, "figaroh Detmax": detmax,
-}  # fmt: skip
+    "figaroh structural": identify("structural"),
+    "figaroh map": identify("map"),
+    "figaroh SOCP": socp,
+    "figaroh Detmax": detmax,
+}

@@ -41,9 +41,17 @@ def measured(problem: Problem) -> Touches | Positions:
     if "normal" not in problem:
         return Positions(ids, problem["q"], problem["point"], sigma)
     return Touches(
-        ids, blank, problem["q"], problem["normal"], problem["offset"], sigma, (HIT,) * m, np.full(m, np.nan), blank,
+        ids,
         blank,
-    )  # fmt: skip
+        problem["q"],
+        problem["normal"],
+        problem["offset"],
+        sigma,
+        (HIT,) * m,
+        np.full(m, np.nan),
+        blank,
+        blank,
+    )
 
 
 def full(problem: Problem) -> Problem:
@@ -66,9 +74,12 @@ def many(problem: Problem) -> Problem:
     cell = cell_of(problem)
     q = np.tile(problem["q"], (MANY, 1, 1))
     touches = ManyTouches(
-        q, np.ones(q.shape[:2], dtype=bool), problem["normal"], problem["offset"],
+        q,
+        np.ones(q.shape[:2], dtype=bool),
+        problem["normal"],
+        problem["offset"],
         np.full(q.shape[1], float(problem["sigma"])),
-    )  # fmt: skip
+    )
     found = calibrate_many(cell, touches, eliminate=False)
     tip = cell.kinematics.tip(problem["q_unseen"], found.theta[0])[0]
     return {"tip": tip, "share": np.array(1 / MANY)}
@@ -89,8 +100,9 @@ def scipy(problem: Problem) -> Problem:
             r, J = model.linearize(p, equations)
             sigma = equations.sigma
             memory[p.tobytes()] = (
-                np.concatenate([r / sigma, prior @ (p - start)]), np.vstack([J / sigma[:, None], prior]),
-            )  # fmt: skip
+                np.concatenate([r / sigma, prior @ (p - start)]),
+                np.vstack([J / sigma[:, None], prior]),
+            )
         return memory[p.tobytes()]
 
     def residual(p: np.ndarray) -> np.ndarray:
@@ -115,6 +127,10 @@ def exact(searches: int | None) -> Callable[[Problem], Problem]:
 
 
 METHODS = {
-    "touchcal calibrate": full, "touchcal one fit": alone, "touchcal batch": many, "SciPy our Jacobian": scipy,
-    "touchcal exact_design": exact(None), "touchcal 480 searches": exact(480),
-}  # fmt: skip
+    "touchcal calibrate": full,
+    "touchcal one fit": alone,
+    "touchcal batch": many,
+    "SciPy our Jacobian": scipy,
+    "touchcal exact_design": exact(None),
+    "touchcal 480 searches": exact(480),
+}

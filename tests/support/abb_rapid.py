@@ -14,10 +14,7 @@ import re
 import numpy as np
 from blocks import tree
 
-KINDS = (
-    (r"(LOCAL )?(PROC|FUNC string) \w+\(.*\)", r"ERROR", r"END(PROC|FUNC)"),
-    (r"IF .* THEN", r"ELSE", r"ENDIF"),
-)
+KINDS = ((r"(LOCAL )?(PROC|FUNC string) \w+\(.*\)", r"ERROR", r"END(PROC|FUNC)"), (r"IF .* THEN", r"ELSE", r"ENDIF"))
 
 
 class RapidError(Exception):

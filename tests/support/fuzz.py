@@ -22,9 +22,25 @@ from probe.runs.session import Session, journal_path
 PATIENCE = 20.0  # [s] for one file of a few kilobytes, on a machine that is busy
 NUMBER = re.compile(rb"-?\d+\.\d+|-?\d+")
 MUTATIONS = (
-    "flip", "drop", "insert", "cut", "double line", "drop line", "swap lines", "underscore", "digits", "comma", "bom",
-    "utf-16", "long name", "nan", "huge", "double column", "control", "deep",
-)  # fmt: skip
+    "flip",
+    "drop",
+    "insert",
+    "cut",
+    "double line",
+    "drop line",
+    "swap lines",
+    "underscore",
+    "digits",
+    "comma",
+    "bom",
+    "utf-16",
+    "long name",
+    "nan",
+    "huge",
+    "double column",
+    "control",
+    "deep",
+)
 NONSENSE = ("underscore", "digits", "comma")  # a number changed so must be refused, wherever a number is read
 
 
@@ -139,6 +155,7 @@ def mutate(content: bytes, kind: str, rng: np.random.Generator, *, csv: bool) ->
         "underscore": old[:-1] + b"_" + old[-1:],
         "digits": old.decode().translate({48 + i: 0x660 + i for i in range(10)}).encode(),
         "comma": old.replace(b".", b",") if not csv else b'"' + old.replace(b".", b",") + b'"',
-        "nan": b"nan", "huge": b"1e999",
-    }.get(kind, b"")  # fmt: skip
+        "nan": b"nan",
+        "huge": b"1e999",
+    }.get(kind, b"")
     return content[: number.start()] + new + content[number.end() :], kind in NONSENSE

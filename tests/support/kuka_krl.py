@@ -16,11 +16,7 @@ from blocks import tree
 
 from identify.model.frames import rotation
 
-KINDS = (
-    (r"IF .* THEN", r"ELSE", r"ENDIF"),
-    (r"FOR \w+=.* TO .*", None, r"ENDFOR"),
-    (r"WHILE .*", None, r"ENDWHILE"),
-)
+KINDS = ((r"IF .* THEN", r"ELSE", r"ENDIF"), (r"FOR \w+=.* TO .*", None, r"ENDFOR"), (r"WHILE .*", None, r"ENDWHILE"))
 NUMBER = r"[+-]?\d+\.?\d*"
 
 

@@ -25,8 +25,20 @@ from identify.model.calibration import (
 from identify.model.files import InputError, Mistake, read_text, write_text
 from identify.model.io.entries import cell_entry, cell_from_entry
 
-__all__ = ["Calibration", "Discrepancy", "Errors", "Finding", "Residual", "SharedValue", "Term", "calibration_entry",
-           "fingerprints", "read_calibration", "summarize", "write_calibration"]  # fmt: skip
+__all__ = [
+    "Calibration",
+    "Discrepancy",
+    "Errors",
+    "Finding",
+    "Residual",
+    "SharedValue",
+    "Term",
+    "calibration_entry",
+    "fingerprints",
+    "read_calibration",
+    "summarize",
+    "write_calibration",
+]
 FORMAT = 2  # of calibration.json; a file without a number is of the first version
 UNITS = {"mm": 1.0, "deg": np.pi / 180}
 
@@ -102,11 +114,16 @@ def calibration_entry(c: Calibration) -> dict[str, Any]:
     C = (c.joint_covariance + c.joint_covariance.T) / 2 / np.outer(scale, scale)
     parameters = [
         _Parameter(
-            name=name, unit=unit_name, nominal=float(nominal), value=float(value), sigma=float(sigma),
-            status=c.status(name), combination=dict(c.combinations.get(name, {})),
+            name=name,
+            unit=unit_name,
+            nominal=float(nominal),
+            value=float(value),
+            sigma=float(sigma),
+            status=c.status(name),
+            combination=dict(c.combinations.get(name, {})),
         )
         for name, unit_name, nominal, value, sigma in columns
-    ]  # fmt: skip
+    ]
     return {
         "format": FORMAT,
         "touchcal": version("touchcal"),
@@ -179,12 +196,23 @@ def read_calibration(path: Path) -> Calibration:
             SharedValue(s.name, s.unit, s.value * UNITS[s.unit], s.prior * UNITS[s.unit]) for s in file.shared
         ),
         shared_covariance=covariance[len(own) :],
-        discrepancy=file.discrepancy, promise=file.promise, spans=file.spans,
-        scatter=file.scatter, scatter_significant=file.scatter_significant, weak=tuple(file.weak),
-        outliers=file.outliers, fit=file.fit, held_out=file.held_out, residuals=file.residuals,
-        fingerprints=frozenset(file.fingerprints), iterations=file.iterations, solve_s=file.solve_s,
-        choice=tuple(file.choice), findings=tuple(file.findings), inputs=file.inputs,
-    )  # fmt: skip
+        discrepancy=file.discrepancy,
+        promise=file.promise,
+        spans=file.spans,
+        scatter=file.scatter,
+        scatter_significant=file.scatter_significant,
+        weak=tuple(file.weak),
+        outliers=file.outliers,
+        fit=file.fit,
+        held_out=file.held_out,
+        residuals=file.residuals,
+        fingerprints=frozenset(file.fingerprints),
+        iterations=file.iterations,
+        solve_s=file.solve_s,
+        choice=tuple(file.choice),
+        findings=tuple(file.findings),
+        inputs=file.inputs,
+    )
 
 
 def _covariance(path: Path, rows: list[list[float]], size: int) -> Float[np.ndarray, "estimated estimated"]:

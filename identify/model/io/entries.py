@@ -42,10 +42,19 @@ def joint_of(number: int, entry: schema.JointEntry) -> Joint:
         raise InputError(f"joint '{entry.name or f'j{number}'}' has no limits_{'mm' if slides else 'deg'}")
     unit, usual_speed = (1.0, SLIDING) if slides else (DEG, TURNING)
     return Joint(
-        entry.name or f"j{number}", slides, entry.theta_deg * DEG, entry.d_mm, entry.a_mm, entry.alpha_deg * DEG,
-        entry.beta_deg * DEG, limits[0] * unit, limits[1] * unit, usual_speed if speed is None else speed * unit,
-        entry.mass_kg, entry.centre_mm,
-    )  # fmt: skip
+        entry.name or f"j{number}",
+        slides,
+        entry.theta_deg * DEG,
+        entry.d_mm,
+        entry.a_mm,
+        entry.alpha_deg * DEG,
+        entry.beta_deg * DEG,
+        limits[0] * unit,
+        limits[1] * unit,
+        usual_speed if speed is None else speed * unit,
+        entry.mass_kg,
+        entry.centre_mm,
+    )
 
 
 def robot_of(file: schema.RobotFile) -> Robot:
@@ -54,10 +63,18 @@ def robot_of(file: schema.RobotFile) -> Robot:
     joints = tuple(joint_of(i + 1, entry) for i, entry in enumerate(file.joints))
     first, flange = (transform(np.asarray(pose_of(entry))) for entry in (file.base_to_first, file.last_to_flange))
     robot = Robot(
-        file.name, joints, file.source, capsules, first, flange, errors=tuple(file.errors), up=file.up,
+        file.name,
+        joints,
+        file.source,
+        capsules,
+        first,
+        flange,
+        errors=tuple(file.errors),
+        up=file.up,
         drawing=tuple(tuple((np.array(link) * LINK_UNIT).tolist()) for link in file.drawing),
-        payload=_payload(file.payload), temperature=file.temperature_c,
-    )  # fmt: skip
+        payload=_payload(file.payload),
+        temperature=file.temperature_c,
+    )
     unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
     values = tuple(file.error_values.get(name, 0.0) * unit[name] for name, _, _ in robot.error_parameters)
     return replace(robot, error_values=values)
@@ -107,11 +124,18 @@ def robot_entry(robot: Robot) -> dict[str, Any]:
 def _joint_entry(joint: Joint) -> dict[str, Any]:
     unit, factor = ("mm", 1.0) if joint.prismatic else ("deg", DEG)
     return {
-        "name": joint.name, "type": "prismatic" if joint.prismatic else "revolute", "theta_deg": joint.theta / DEG,
-        "d_mm": joint.d, "a_mm": joint.a, "alpha_deg": joint.alpha / DEG, "beta_deg": joint.beta / DEG,
-        f"limits_{unit}": [joint.lower / factor, joint.upper / factor], f"speed_{unit}_s": joint.speed / factor,
-        "mass_kg": joint.mass, "centre_mm": joint.centre,
-    }  # fmt: skip
+        "name": joint.name,
+        "type": "prismatic" if joint.prismatic else "revolute",
+        "theta_deg": joint.theta / DEG,
+        "d_mm": joint.d,
+        "a_mm": joint.a,
+        "alpha_deg": joint.alpha / DEG,
+        "beta_deg": joint.beta / DEG,
+        f"limits_{unit}": [joint.lower / factor, joint.upper / factor],
+        f"speed_{unit}_s": joint.speed / factor,
+        "mass_kg": joint.mass,
+        "centre_mm": joint.centre,
+    }
 
 
 def jig_of(file: schema.JigFile, folder: Path = Path()) -> Jig:
@@ -173,17 +197,25 @@ def cell_of(
     robot = equipped(file, robot)
     unit = dict(zip(robot.parameters, robot.parameter_unit(), strict=True))
     return Cell(
-        robot=robot, jig=jig, base=pose_of(file.base), tool=pose_of(file.tool),
-        wire=described(Wire, file.wire), touch=described(TouchSettings, file.touch),
-        zone=None if file.zone is None else described(Zone, file.zone), priors=priors_of(file.priors),
+        robot=robot,
+        jig=jig,
+        base=pose_of(file.base),
+        tool=pose_of(file.tool),
+        wire=described(Wire, file.wire),
+        touch=described(TouchSettings, file.touch),
+        zone=None if file.zone is None else described(Zone, file.zone),
+        priors=priors_of(file.priors),
         controller=described(Controller, file.controller),
-        fixed=frozenset(file.fixed), bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
-        sources=sources, serial=file.serial, obstacles=obstacles_of(file.obstacles, folder),
+        fixed=frozenset(file.fixed),
+        bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
+        sources=sources,
+        serial=file.serial,
+        obstacles=obstacles_of(file.obstacles, folder),
         placements={name: pose_of(frame) for name, frame in file.placements.items()},
         tools={name: pose_of(frame) for name, frame in file.tools.items()},
         points={name: point_of(entry) for name, entry in file.points.items()},
         spacings=tuple(Spacing(s.start, s.end, s.mm, s.sigma_mm) for s in file.spacings),
-    )  # fmt: skip
+    )
 
 
 def point_of(entry: schema.PointEntry | Literal["fit"]) -> Point:
@@ -220,7 +252,7 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
         "obstacles": [obstacle_entry(shape) for shape in cell.obstacles],
         "fixed": sorted(cell.fixed),
         "bounds": {name: [lo / unit[name], hi / unit[name]] for name, (lo, hi) in cell.bounds.items()},
-    }  # fmt: skip
+    }
 
 
 def cell_from_entry(entry: dict[str, Any], sources: dict[str, str]) -> Cell:

@@ -87,10 +87,15 @@ def _positions(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
 def _poses(sheet: Sheet, cell: Cell, trust_units: bool) -> Poses:
     turn = sheet.numbers("sigma_deg", TURN_SIGMA)
     return Poses(
-        tuple(sheet.text("id")), joints_of(sheet, cell.robot, trust_units), block_of(sheet, POINT),
-        np.radians(block_of(sheet, ANGLES)), sigma_of(sheet, cell.touch.sigma), np.radians(turn),
-        _names(sheet, "placement", cell.placements), _names(sheet, "tool", cell.tools),
-    )  # fmt: skip
+        tuple(sheet.text("id")),
+        joints_of(sheet, cell.robot, trust_units),
+        block_of(sheet, POINT),
+        np.radians(block_of(sheet, ANGLES)),
+        sigma_of(sheet, cell.touch.sigma),
+        np.radians(turn),
+        _names(sheet, "placement", cell.placements),
+        _names(sheet, "tool", cell.tools),
+    )
 
 
 def _distances(sheet: Sheet, cell: Cell, trust_units: bool) -> Distances:
@@ -98,18 +103,25 @@ def _distances(sheet: Sheet, cell: Cell, trust_units: bool) -> Distances:
     for row in np.flatnonzero(distance <= 0).tolist():
         sheet.wrong(row, f"distance_mm is {distance[row]:g}, expected a length above 0")
     return Distances(
-        tuple(sheet.text("id")), joints_of(sheet, cell.robot, trust_units), _points(sheet, "anchor", cell), distance,
-        sigma_of(sheet, cell.touch.sigma), _names(sheet, "placement", cell.placements),
+        tuple(sheet.text("id")),
+        joints_of(sheet, cell.robot, trust_units),
+        _points(sheet, "anchor", cell),
+        distance,
+        sigma_of(sheet, cell.touch.sigma),
+        _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
-    )  # fmt: skip
+    )
 
 
 def _contacts(sheet: Sheet, cell: Cell, trust_units: bool) -> Contacts:
     return Contacts(
-        tuple(sheet.text("id")), joints_of(sheet, cell.robot, trust_units), _points(sheet, "point", cell),
-        sigma_of(sheet, cell.touch.sigma), _names(sheet, "placement", cell.placements),
+        tuple(sheet.text("id")),
+        joints_of(sheet, cell.robot, trust_units),
+        _points(sheet, "point", cell),
+        sigma_of(sheet, cell.touch.sigma),
+        _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
-    )  # fmt: skip
+    )
 
 
 def _points(sheet: Sheet, column: str, cell: Cell) -> tuple[str, ...]:

@@ -59,10 +59,18 @@ def touches_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Touches:
     approach = np.column_stack([_optional(sheet, name) for name in joint_columns(cell.robot, APPROACH)])
     ids = tuple(sheet.text("id"))
     return Touches(
-        ids=ids, face=tuple(face), q=q, normal=normal, offset=offset, sigma=sigma,
-        status=(HIT,) * len(ids), temperature=temperature, time=tuple(sheet.text("time")),
-        note=tuple(sheet.text("note")), approach=cell.robot.from_controller(approach),
-    )  # fmt: skip
+        ids=ids,
+        face=tuple(face),
+        q=q,
+        normal=normal,
+        offset=offset,
+        sigma=sigma,
+        status=(HIT,) * len(ids),
+        temperature=temperature,
+        time=tuple(sheet.text("time")),
+        note=tuple(sheet.text("note")),
+        approach=cell.robot.from_controller(approach),
+    )
 
 
 def read_positions(path: Path, cell: Cell, *, trust_units: bool = False) -> Positions:
@@ -100,11 +108,14 @@ def read_plan(path: Path, cell: Cell) -> Plan:
             sheet.wrong(row, cell.unknown_face(name))
     joints = robot.from_controller
     plan = Plan(
-        ids=tuple(sheet.ids()), face=tuple(face), point=block_of(sheet, POINT), normal=block_of(sheet, PLANE[:3]),
+        ids=tuple(sheet.ids()),
+        face=tuple(face),
+        point=block_of(sheet, POINT),
+        normal=block_of(sheet, PLANE[:3]),
         q=joints(block_of(sheet, joint_columns(robot))),
         approach=joints(block_of(sheet, joint_columns(robot, APPROACH))),
         via=joints(_vias(sheet, vias)),
-    )  # fmt: skip
+    )
     sheet.stop()
     return plan
 
@@ -141,8 +152,11 @@ def touches_text(touches: Touches, robot: Robot) -> str:
     plane = np.column_stack([touches.normal, touches.offset])
     plane[named] = np.nan
     columns: dict[str, Sequence[str] | np.ndarray] = {
-        "id": touches.ids, "time": touches.time, "status": touches.status, "face": touches.face,
-    }  # fmt: skip
+        "id": touches.ids,
+        "time": touches.time,
+        "status": touches.status,
+        "face": touches.face,
+    }
     columns |= dict(zip(PLANE, plane.T, strict=True))
     columns["sigma_mm"] = touches.sigma
     columns |= dict(zip(joint_columns(robot), robot.to_controller(touches.q).T.round(9), strict=True))
@@ -191,8 +205,7 @@ def sigma_of(sheet: Sheet, default: float) -> np.ndarray:
     sigma = sheet.numbers("sigma_mm", default) if "sigma_mm" in sheet.columns else np.full(len(sheet.lines), default)
     for row in np.flatnonzero(sigma <= 0).tolist():
         sheet.wrong(
-            row,
-            f"sigma_mm is {sigma[row]:g}, expected a length above 0; leave it empty for the cell's {default:g}",
+            row, f"sigma_mm is {sigma[row]:g}, expected a length above 0; leave it empty for the cell's {default:g}"
         )
     return sigma
 

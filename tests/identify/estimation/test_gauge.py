@@ -48,9 +48,12 @@ def measured(arc_welder, hidden):
 @pytest.fixture(scope="module")
 def cell(arc_welder):
     return replace(
-        arc_welder, placements={"table": None}, points=dict.fromkeys(HOLES, Point(None)),
-        spacings=(Spacing("hole_0", "hole_1", 50.0),), zone=None,
-    )  # fmt: skip
+        arc_welder,
+        placements={"table": None},
+        points=dict.fromkeys(HOLES, Point(None)),
+        spacings=(Spacing("hole_0", "hole_1", 50.0),),
+        zone=None,
+    )
 
 
 @pytest.fixture(scope="module")

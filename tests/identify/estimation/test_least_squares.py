@@ -31,8 +31,18 @@ def made(arc_welder, robots, plan):
 def of_one(made, robot, plan):
     """The touches of one robot, as a file would hold them."""
     m, blank = len(plan), ("",) * len(plan)
-    whole = Touches(plan.ids, plan.face, made.q[robot], made.normal, made.offset, np.full(m, 0.05), (HIT,) * m,
-                    np.full(m, np.nan), blank, blank)  # fmt: skip
+    whole = Touches(
+        plan.ids,
+        plan.face,
+        made.q[robot],
+        made.normal,
+        made.offset,
+        np.full(m, 0.05),
+        (HIT,) * m,
+        np.full(m, np.nan),
+        blank,
+        blank,
+    )
     return whole.take(made.hit[robot])
 
 

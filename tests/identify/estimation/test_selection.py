@@ -36,8 +36,9 @@ def made(cell, errors, rng, sizes=(1.0, 2.0)):
     q = rng.uniform(robot.lower, robot.upper, (TOUCHES, len(robot.joints)))
     touches = replace(
         touches_at(true, theta, q, rng, SIGMA),
-        approach=q - 0.05 * rng.choice([-1, 1], q.shape), temperature=rng.uniform(10, 30, TOUCHES),
-    )  # fmt: skip
+        approach=q - 0.05 * rng.choice([-1, 1], q.shape),
+        temperature=rng.uniform(10, 30, TOUCHES),
+    )
     where = measurement_model(robot).residual(theta, rows(true.wire, [replace(touches, offset=np.zeros(TOUCHES))]))
     return true, theta, replace(touches, offset=where + SIGMA * rng.standard_normal(TOUCHES))
 

@@ -151,10 +151,14 @@ def from_urdf(folder, tail, base, flange, rng):
 CHAINS = {
     "with a flange": (FLANGE, "base_link", "tool0"),
     "from the world": (FLANGE, "world", "flange"),
-    "from a link beside": (FLANGE + '<link name="side"/><joint name="s" type="fixed"><origin xyz="1 0 0"/>'
-                           '<parent link="world"/><child link="side"/></joint>', "side", "tool0"),
+    "from a link beside": (
+        FLANGE + '<link name="side"/><joint name="s" type="fixed"><origin xyz="1 0 0"/>'
+        '<parent link="world"/><child link="side"/></joint>',
+        "side",
+        "tool0",
+    ),
     "to the last moving link": ("", "base_link", "l4"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", CHAINS)

@@ -37,9 +37,17 @@ def checked(cell, plan, theta, rng, sigma=SIGMA):
     """Touches of a robot with these parameters at the postures of a plan, on planes that stand where its tip is."""
     m = len(plan)
     blank = Touches(
-        plan.ids, ("",) * m, plan.q, plan.normal, np.zeros(m), np.full(m, SIGMA), (HIT,) * m, np.full(m, np.nan),
-        ("",) * m, ("",) * m,
-    )  # fmt: skip
+        plan.ids,
+        ("",) * m,
+        plan.q,
+        plan.normal,
+        np.zeros(m),
+        np.full(m, SIGMA),
+        (HIT,) * m,
+        np.full(m, np.nan),
+        ("",) * m,
+        ("",) * m,
+    )
     where = measurement_model(cell.robot).residual(theta, rows(cell.wire, [blank]))
     return with_offsets(blank, where + sigma * rng.standard_normal(m))
 
@@ -238,12 +246,15 @@ def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, fol
     assert "set the joint's zero again" in out
 
 
-@pytest.mark.parametrize(("arguments", "sentence"), [
-    (["health", "calibration.json", "none.csv"], "none.csv: no such file"),
-    (["health", "calibration.json", "none.csv", "--run"], "touches are given and --run asks for new ones"),
-    (["health", "calibration.json", "--alarm", "2"], "--alarm is 2, expected a probability such as 0.01"),
-    (["health", "calibration.json", "-n", "5"], "5 touches are too few to judge a robot by; plan 6 at least"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["health", "calibration.json", "none.csv"], "none.csv: no such file"),
+        (["health", "calibration.json", "none.csv", "--run"], "touches are given and --run asks for new ones"),
+        (["health", "calibration.json", "--alarm", "2"], "--alarm is 2, expected a probability such as 0.01"),
+        (["health", "calibration.json", "-n", "5"], "5 touches are too few to judge a robot by; plan 6 at least"),
+    ],
+)
 def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, touchcal):
     before = sorted(folder.rglob("*"))
 

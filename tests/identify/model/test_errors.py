@@ -40,9 +40,15 @@ def touched(robot: Robot, rng: np.random.Generator, m: int) -> Rows:
     joints = len(robot.joints)
     normal = rng.normal(size=(m, 3))
     return Rows(
-        postures(robot, rng, m), normal / np.linalg.norm(normal, axis=1)[:, None], np.zeros(m), np.full(m, 0.6),
-        np.ones(m), (), np.arange(m), np.column_stack([rng.choice([-1.0, 0, 1], (m, joints)), rng.normal(0, 5, m)]),
-    )  # fmt: skip
+        postures(robot, rng, m),
+        normal / np.linalg.norm(normal, axis=1)[:, None],
+        np.zeros(m),
+        np.full(m, 0.6),
+        np.ones(m),
+        (),
+        np.arange(m),
+        np.column_stack([rng.choice([-1.0, 0, 1], (m, joints)), rng.normal(0, 5, m)]),
+    )
 
 
 def some(robot: Robot, rng: np.random.Generator) -> np.ndarray:

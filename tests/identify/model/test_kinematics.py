@@ -132,9 +132,15 @@ joints = st.builds(
     Joint,
     name=st.just("j"),
     prismatic=st.booleans(),
-    theta=angles, d=lengths, a=lengths, alpha=angles, beta=angles,
-    lower=st.just(-3.0), upper=st.just(3.0), speed=st.just(1.0),
-)  # fmt: skip
+    theta=angles,
+    d=lengths,
+    a=lengths,
+    alpha=angles,
+    beta=angles,
+    lower=st.just(-3.0),
+    upper=st.just(3.0),
+    speed=st.just(1.0),
+)
 frames = st.builds(lambda p, r: transform(np.array([*p, *r])), st.tuples(*[lengths] * 3), st.tuples(*[angles] * 3))
 
 

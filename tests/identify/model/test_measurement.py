@@ -6,12 +6,7 @@ from oracle import forward
 
 from identify.model.cell import Wire
 from identify.model.frames import euler
-from identify.model.measurement import (
-    MEASUREMENTS,
-    measurement_model,
-    rows,
-    spacing_rows,
-)
+from identify.model.measurement import MEASUREMENTS, measurement_model, rows, spacing_rows
 from identify.model.touch import HIT, Contacts, Distances, Poses, Positions, Touches
 
 STEP = 1e-6

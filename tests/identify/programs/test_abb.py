@@ -183,11 +183,16 @@ def test_tools_and_work_objects_stay_as_they_are_and_are_heeded():
     assert result.mentions == ()
 
 
-@pytest.mark.parametrize("instruction", [
-    "MoveL p1,v100,fine,tGun\\WObj:=wPart;", "MoveJ \\Conc,p1,v100\\T:=2,z10,tGun \\Wobj := wPart;",
-    "MoveC p9,p1,v100,z10,tGun\\WObj:=wPart;", "ArcLStart p1,v50,seam1,weld1\\Weave:=w1,fine,tGun\\WObj:=wPart;",
-    "MoveL Offs(p1,0,0,10),v100,z10,tGun\\WObj:=wPart;",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "instruction",
+    [
+        "MoveL p1,v100,fine,tGun\\WObj:=wPart;",
+        "MoveJ \\Conc,p1,v100\\T:=2,z10,tGun \\Wobj := wPart;",
+        "MoveC p9,p1,v100,z10,tGun\\WObj:=wPart;",
+        "ArcLStart p1,v50,seam1,weld1\\Weave:=w1,fine,tGun\\WObj:=wPart;",
+        "MoveL Offs(p1,0,0,10),v100,z10,tGun\\WObj:=wPart;",
+    ],
+)
 def test_the_tool_and_work_object_of_any_motion_are_found(instruction):
     written = inverse(FRAME) @ base_T_tip(Q) @ inverse(FLANGE_T_TIP) @ FLANGE_T_TOOL
     text = module(f"CONST robtarget p1:={target(Q, written)};", "PROC main()", "  " + instruction, "ENDPROC")
@@ -215,11 +220,18 @@ def test_tool0_is_the_flange():
     assert off(told(fixed(text), "MoveL") @ FLANGE_T_TIP, base_T_tip(Q), Q)[0] < 0.01
 
 
-@pytest.mark.parametrize(("data", "use", "why"), [
-    (tooldata("tGun", FLANGE_T_TOOL, "FALSE"), "tGun", "frame: its tool stands still and the robot holds the work"),
-    (wobjdata("wPart", FRAME, 'TRUE,TRUE,""'), "t\\WObj:=wPart", "frame: the robot holds its work object"),
-    (wobjdata("wPart", FRAME, 'FALSE,FALSE,"S1"'), "t\\WObj:=wPart", "frame: its work object moves with another mechanism"),  # noqa: E501
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("data", "use", "why"),
+    [
+        (tooldata("tGun", FLANGE_T_TOOL, "FALSE"), "tGun", "frame: its tool stands still and the robot holds the work"),
+        (wobjdata("wPart", FRAME, 'TRUE,TRUE,""'), "t\\WObj:=wPart", "frame: the robot holds its work object"),
+        (
+            wobjdata("wPart", FRAME, 'FALSE,FALSE,"S1"'),
+            "t\\WObj:=wPart",
+            "frame: its work object moves with another mechanism",
+        ),
+    ],
+)
 def test_targets_in_frames_that_move_are_left_alone(data, use, why):
     text = module(data, f"CONST robtarget p1:={target(Q)};", "PROC main()", f"  MoveL p1,v100,fine,{use};")
 

@@ -66,10 +66,15 @@ def test_formats_that_line_numbers_up_keep_the_right_edge_where_there_is_room():
     assert rewritten("X = 12.345 mm", -123.5, padded=True) == "X = -123.500 mm"
 
 
-@pytest.mark.parametrize(("text", "value", "expected"), [
-    ("J1=     5.000 deg", -0.25, "J1=     -.250 deg"), ("J1=     0.000 deg", 0.25, "J1=      .250 deg"),
-    ("J1=     0.250 deg", 0.5, "J1=     0.500 deg"), ("J1=     -.250 deg", 0.0, "J1=      .000 deg"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "value", "expected"),
+    [
+        ("J1=     5.000 deg", -0.25, "J1=     -.250 deg"),
+        ("J1=     0.000 deg", 0.25, "J1=      .250 deg"),
+        ("J1=     0.250 deg", 0.5, "J1=     0.500 deg"),
+        ("J1=     -.250 deg", 0.0, "J1=      .000 deg"),
+    ],
+)
 def test_formats_without_the_zero_before_the_point_leave_it_out(text, value, expected):
     assert rewritten(text, value, padded=True, bare=True) == expected
 
@@ -176,13 +181,17 @@ def test_a_setup_is_read_with_names_as_text(tmp_path):
     assert (setup.fixed_to, setup.coupled, setup.joints.pulses[5]) == ("robot", True, 6)
 
 
-@pytest.mark.parametrize(("line", "sentence"), [
-    ("joints: {sign: [1, 1, 1]}", "setup.yaml:1: joints.sign has 3 numbers, the robot has 6 joints"),
-    ("near_deg: [1, 2]", "setup.yaml:1: near_deg has 2 numbers, the robot has 6 joints"),
-    ("joints: {sign: [2, 1, 1, 1, 1, 1]}", "joints.sign.0 is 2"),
-    ("frame: {}", "unknown key 'frame'; did you mean 'frames'?"),
-    ("frames: {1: {x: 3}}", "unknown key 'frames.1.x'"), ("posture: any", "posture is 'any'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("joints: {sign: [1, 1, 1]}", "setup.yaml:1: joints.sign has 3 numbers, the robot has 6 joints"),
+        ("near_deg: [1, 2]", "setup.yaml:1: near_deg has 2 numbers, the robot has 6 joints"),
+        ("joints: {sign: [2, 1, 1, 1, 1, 1]}", "joints.sign.0 is 2"),
+        ("frame: {}", "unknown key 'frame'; did you mean 'frames'?"),
+        ("frames: {1: {x: 3}}", "unknown key 'frames.1.x'"),
+        ("posture: any", "posture is 'any'"),
+    ],
+)
 def test_mistakes_of_a_setup_are_named(tmp_path, line, sentence):
     (tmp_path / "setup.yaml").write_text(line + "\n")
 

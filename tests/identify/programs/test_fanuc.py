@@ -191,8 +191,9 @@ def test_frames_without_a_table_are_the_base_and_that_is_said():
 
     assert len(result.shift) == 1
     assert [text.split(";")[0] for text in result.assumed] == [
-        "frame 4 is taken for the robot's base", "tool 7 is taken for the cell's tool"
-    ]  # fmt: skip
+        "frame 4 is taken for the robot's base",
+        "tool 7 is taken for the cell's tool",
+    ]
 
 
 def test_a_frame_that_the_table_does_not_have_leaves_the_whole_path_as_it_is():
@@ -224,9 +225,12 @@ def test_position_registers_offsets_and_coordinated_motions_are_named():
     mentions = fixed(program([pose_text(Q)], motions)).mentions
 
     assert [(m.line, m.name, m.why.split(":")[0]) for m in mentions[:5]] == [
-        (5, "PR[7]", "position register"), (6, "P[1]", "offset"), (7, "P[1]", "offset"), (8, "P[1]", "offset"),
+        (5, "PR[7]", "position register"),
+        (6, "P[1]", "offset"),
+        (7, "P[1]", "offset"),
+        (8, "P[1]", "offset"),
         (8, "P[1]", "coordinated"),
-    ]  # fmt: skip
+    ]
 
 
 def test_a_position_used_incrementally_is_left_alone():

@@ -224,8 +224,8 @@ def test_inline_positions_of_circles_and_axes_are_corrected():
 
 def test_relative_motions_and_shifts_are_named_and_not_corrected():
     text = src(
-        "LIN_REL {X 10.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}", f"DECL POS XP1={pose(Q)}", "LIN XP1:TURNED", "XP1.X=XP1.X+10",
-    )  # fmt: skip
+        "LIN_REL {X 10.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}", f"DECL POS XP1={pose(Q)}", "LIN XP1:TURNED", "XP1.X=XP1.X+10"
+    )
 
     result = fixed(text)
 

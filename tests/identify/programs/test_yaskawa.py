@@ -49,8 +49,20 @@ def pulses(q):
 
 def job(*lines, end="\n", instructions=("MOVL C00000 V=11.0",)):
     head = ["/JOB", "//NAME SEAM", "//POS", f"///NPOS {len(lines)},0,0,0,0,0"]
-    return end.join([*head, *lines, "//INST", "///DATE 2024/05/06 10:11", "///ATTR SC,RW", "///GROUP1 RB1", "NOP",
-                     *instructions, "END", ""])  # fmt: skip
+    return end.join(
+        [
+            *head,
+            *lines,
+            "//INST",
+            "///DATE 2024/05/06 10:11",
+            "///ATTR SC,RW",
+            "///GROUP1 RB1",
+            "NOP",
+            *instructions,
+            "END",
+            "",
+        ]
+    )
 
 
 def fixed(text, calibration=EXACT, setup=Setup(near=Q)):  # noqa: B008
@@ -148,9 +160,17 @@ def test_nothing_but_numbers_of_positions_changes(drawn):
 def test_headers_hold_during_and_after():
     second = Q + 0.05
     T = [inverse(FRAME) @ base_T_tip(q) for q in (Q, second)]
-    text = job("///USER 4", "///TOOL 1", "///POSTYPE USER", "///RECTAN", rconf(Q),
-               f"C00000={pose(Q, T[0])}", f"C00001={pose(second, T[1])}", "///POSTYPE BASE",
-               f"C00002={pose(Q)}")  # fmt: skip
+    text = job(
+        "///USER 4",
+        "///TOOL 1",
+        "///POSTYPE USER",
+        "///RECTAN",
+        rconf(Q),
+        f"C00000={pose(Q, T[0])}",
+        f"C00001={pose(second, T[1])}",
+        "///POSTYPE BASE",
+        f"C00002={pose(Q)}",
+    )
 
     result = fixed(text, setup=SETUP)
 
@@ -169,8 +189,13 @@ def test_without_a_posture_to_look_from_a_position_is_left_alone_where_its_two_w
 def test_tools_of_the_table_are_heeded():
     flange_T_tip = transform(CELL.theta[-6:])
     flange_T_tool = flange_T_tip @ from_wpr(np.array([0.0, 5.0, 20.0, 0.0, 15.0, 0.0]))
-    text = job("///TOOL 3", "///POSTYPE ROBOT", "///RECTAN", rconf(Q),
-               f"C00000={pose(Q, base_T_tip(Q) @ inverse(flange_T_tip) @ flange_T_tool)}")  # fmt: skip
+    text = job(
+        "///TOOL 3",
+        "///POSTYPE ROBOT",
+        "///RECTAN",
+        rconf(Q),
+        f"C00000={pose(Q, base_T_tip(Q) @ inverse(flange_T_tip) @ flange_T_tool)}",
+    )
 
     result = fixed(text, setup=Setup(tools={"3": flange_T_tool}, near=Q))
 
@@ -187,8 +212,14 @@ def test_pulses_without_their_number_a_degree_are_left_alone_and_say_what_is_mis
 
 
 def test_position_variables_are_left_alone_unless_the_table_says_otherwise():
-    text = job("///TOOL 1", "///POSTYPE BASE", "///RECTAN", rconf(Q), f"P00001={pose(Q)}",
-               instructions=("MOVL P001 V=10.0", "SFTON P010", "IMOV P002 V=5.0"))  # fmt: skip
+    text = job(
+        "///TOOL 1",
+        "///POSTYPE BASE",
+        "///RECTAN",
+        rconf(Q),
+        f"P00001={pose(Q)}",
+        instructions=("MOVL P001 V=10.0", "SFTON P010", "IMOV P002 V=5.0"),
+    )
 
     result = fixed(text)
 

@@ -343,9 +343,12 @@ def plan_html(arc_welder):
     """The page of a plan of a cell with a hostile name."""
     cell = replace(arc_welder, robot=replace(arc_welder.robot, name=HOSTILE))
     told = {
-        "promise": {"rms_mm": 0.05, "p95_mm": 0.1}, "minutes": 3.0, "curve": [{"touches": 20, "p95_mm": 0.1}],
-        "unseen": [HOSTILE], "notes": [],
-    }  # fmt: skip
+        "promise": {"rms_mm": 0.05, "p95_mm": 0.1},
+        "minutes": 3.0,
+        "curve": [{"touches": 20, "p95_mm": 0.1}],
+        "unseen": [HOSTILE],
+        "notes": [],
+    }
     return plan_page(cell, make_plan(cell, 12, seed=5), told)
 
 

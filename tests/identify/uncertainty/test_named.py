@@ -39,8 +39,13 @@ def test_the_names_of_unknowns_say_what_they_are(cell):
     assert names[-18:] == (
         *(f"placement.second.{axis}" for axis in ("x", "y", "z", "rz", "ry", "rx")),
         *(f"tool.ball.{axis}" for axis in ("x", "y", "z", "rz", "ry", "rx")),
-        "point.pin.x", "point.pin.y", "point.pin.z", "point.hole.x", "point.hole.y", "point.hole.z",
-    )  # fmt: skip
+        "point.pin.x",
+        "point.pin.y",
+        "point.pin.z",
+        "point.hole.x",
+        "point.hole.y",
+        "point.hole.z",
+    )
 
 
 def test_what_is_to_be_fitted_has_no_prior_and_what_is_exact_is_no_unknown(cell):

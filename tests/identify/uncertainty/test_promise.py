@@ -32,9 +32,7 @@ def test_the_spread_of_models_widens_the_promise_and_a_model_counts_by_its_weigh
     apart = np.array([[3.0, 0.0, 0.0]])
     near = TipErrors(0.1 * np.eye(3)[None], weight=0.97)
 
-    rare, often = (
-        promise(near, TipErrors(0.1 * np.eye(3)[None], apart, weight)) for weight in (0.03, 0.97)
-    )  # fmt: skip
+    rare, often = (promise(near, TipErrors(0.1 * np.eye(3)[None], apart, weight)) for weight in (0.03, 0.97))
 
     assert rare.p95_mm < 0.5
     assert often.p95_mm == pytest.approx(3.0, abs=0.3)

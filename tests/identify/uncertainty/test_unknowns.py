@@ -67,9 +67,10 @@ def test_a_face_that_stands_elsewhere_leaves_no_residual_at_its_offset_and_tilts
     middle = face.origin + (face.u + face.v) / 2 + offset * face.normal
     here = np.array(touches.face) == "front-low"
     moved = replace(
-        touches, normal=np.where(here[:, None], normal, touches.normal),
+        touches,
+        normal=np.where(here[:, None], normal, touches.normal),
         offset=np.where(here, normal @ middle, touches.offset),
-    )  # fmt: skip
+    )
     x = np.zeros(len(unknowns))
     names = ["face.front-low", "face.front-low.tilt_u", "face.front-low.tilt_v"]
     x[unknowns.index(names)] = np.array([offset, *lean]) / unknowns.scale[unknowns.index(names)]

@@ -61,9 +61,16 @@ def test_three_two_one_on_a_box_finds_hidden_poses_within_the_intervals(found, b
     off = 0.02 * rng.standard_normal((TRIALS, 3))  # of the three faces from the drawing
     q = np.repeat(q.reshape(-1, 6, 6), ROBOTS, axis=0).reshape(-1, 6)
     q = latched(
-        found, box, np.repeat(T, 6, axis=0), SIX[0] * TRIALS, q, np.repeat(theta, 6, axis=0), rng, SIGMA,
+        found,
+        box,
+        np.repeat(T, 6, axis=0),
+        SIX[0] * TRIALS,
+        q,
+        np.repeat(theta, 6, axis=0),
+        rng,
+        SIGMA,
         off[:, [0, 0, 0, 1, 1, 2]].ravel(),
-    ).reshape(TRIALS, 6, 6)  # fmt: skip
+    ).reshape(TRIALS, 6, 6)
 
     locations = [locate(found, box, touches_of(box, THREE_TWO_ONE, each, SIGMA)) for each in q]
 
@@ -81,12 +88,15 @@ def test_three_two_one_on_a_box_finds_hidden_poses_within_the_intervals(found, b
     [
         (THREE_TWO_ONE[:5], SPREAD[:5], ["5 touches cannot fix 6 freedoms", "translation along x: no touch"]),
         (["top"] * 3 + ["front"] * 3, SPREAD, ["translation along x: no touch is on a face that looks along x"]),
-        (THREE_TWO_ONE, [*SPREAD[:3], [0.1, 0.5], [0.9, 0.5], [0.5, 0.5]],
-         ["rotation about z: no touches are spread along y on faces that look along x, nor along x on faces"]),
+        (
+            THREE_TWO_ONE,
+            [*SPREAD[:3], [0.1, 0.5], [0.9, 0.5], [0.5, 0.5]],
+            ["rotation about z: no touches are spread along y on faces that look along x, nor along x on faces"],
+        ),
         (THREE_TWO_ONE, [[0.1, 0.5], [0.5, 0.5], [0.9, 0.5], *SPREAD[3:]], ["rotation about x: no touches are spread"]),
         (["top"] * 2 + ["front", "right"], SPREAD[:4], ["4 touches cannot", "rotation about"]),
     ],
-)  # fmt: skip
+)
 def test_too_few_or_badly_placed_touches_are_named(face, fraction, dark, found, box, rng):
     q = touched(found, box, hidden(found, rng), face, fraction, rng)
 

@@ -16,11 +16,7 @@ from probe.line.transcript import read_transcript
 from probe.virtual.server import serve
 from probe.virtual.truth import Truth, draw_truth
 
-HEARD = {
-    "line": b"noise\r\n? NAK*F1B2\n",
-    "grbl": b"\r\nGrbl 1.1h ['$' for help]\r\n",
-    "linuxcnc": b"HELLO NAK\r\n",
-}
+HEARD = {"line": b"noise\r\n? NAK*F1B2\n", "grbl": b"\r\nGrbl 1.1h ['$' for help]\r\n", "linuxcnc": b"HELLO NAK\r\n"}
 
 
 @pytest.fixture(scope="module")

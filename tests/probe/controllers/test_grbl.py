@@ -163,9 +163,13 @@ def test_a_search_is_a_guarded_motion_and_believed_when_it_is_printed_twice(cell
     assert found.boot == "T77"
     commands = [line for line in script.sent if not line.startswith("(")]
     assert commands == [
-        "G4G43.1G21G90G94F60.000S0X10.000Y20.000Z30.000A40.000B50.000C62.000P.0", "$#", "$G",
-        "S0.F60.G38.3X.0Y.0Z.0A.0B.0C.0", "G4P.01", "$#",
-    ]  # fmt: skip
+        "G4G43.1G21G90G94F60.000S0X10.000Y20.000Z30.000A40.000B50.000C62.000P.0",
+        "$#",
+        "$G",
+        "S0.F60.G38.3X.0Y.0Z.0A.0B.0C.0",
+        "G4P.01",
+        "$#",
+    ]
 
 
 def test_a_probe_that_is_not_printed_alike_twice_is_no_touch(cell: Cell) -> None:
@@ -177,8 +181,13 @@ def test_a_probe_that_is_not_printed_alike_twice_is_no_touch(cell: Cell) -> None
 
 
 def test_answers_that_nobody_asked_for_do_not_shift_the_others(cell: Cell) -> None:
-    grbl, script = scripted(cell, {"S0.F60.G38.3": b"[PRB:10.000,20.000,30.000,40.000,50.000,62.000:0]\r\nok\r\n",
-                                   "$#": b"[PRB:10.000,20.000,30.000,40.000,50.000,62.000:0]\r\nok\r\n"})  # fmt: skip
+    grbl, script = scripted(
+        cell,
+        {
+            "S0.F60.G38.3": b"[PRB:10.000,20.000,30.000,40.000,50.000,62.000:0]\r\nok\r\n",
+            "$#": b"[PRB:10.000,20.000,30.000,40.000,50.000,62.000:0]\r\nok\r\n",
+        },
+    )
     grbl.connect()
     script.outbox += b"error:7\r\nok\r\n[PRB:10.000,20.000,30.000,40.000,50.000,61.000:1]\r\nok\r\n"
 

@@ -180,10 +180,14 @@ def repeated(data: bytes) -> Iterator[bytes]:
 
 
 SPEECHES = {
-    "nothing": b"", "flood": b"x" * 4096, "flood of lines": b"abc\n" * 1000, "trickle": b"x", "half lines": b"0 OK TOU",
+    "nothing": b"",
+    "flood": b"x" * 4096,
+    "flood of lines": b"abc\n" * 1000,
+    "trickle": b"x",
+    "half lines": b"0 OK TOU",
     "valid lines": crc("! ST boot=A1B2 RUN seq=1 hb=1 probe=0 q=1,2,3,4,5,6").encode() * 20,
     "refusals": crc("? NAK").encode(),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("speech", SPEECHES)

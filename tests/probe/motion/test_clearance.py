@@ -74,14 +74,16 @@ def test_gaps_are_those_of_points_sampled_along_the_capsules(robot, rng):
         boxes = [(np.array(b.lower), np.array(b.upper)) for b in cell.jig.boxes]
         gaps = [
             np.linalg.norm(np.maximum(np.maximum(lo - p, p - hi), 0), axis=1).min() - radius
-            for p, radius in moving for lo, hi in boxes
-        ]  # fmt: skip
+            for p, radius in moving
+            for lo, hi in boxes
+        ]
         assert out == pytest.approx(min(gaps), abs=0.1)
         between = [
             np.linalg.norm(along[i][:, None] - along[j], axis=2).min()
-            - clearance.capsules[i].radius - clearance.capsules[j].radius
+            - clearance.capsules[i].radius
+            - clearance.capsules[j].radius
             for i, j in clearance.pairs
-        ]  # fmt: skip
+        ]
         assert own == pytest.approx(min(between), abs=0.1)
 
 
@@ -160,11 +162,20 @@ def test_a_face_belongs_to_the_box_whose_surface_it_lies_on():
     names = [face.name for face in jig.faces]
     low, high, table = own.T
     assert {n for n, o in zip(names, low, strict=True) if o} == {
-        "top-low", "top-side", "front-low", "back-low", "right-low", "left-low",
-    }  # fmt: skip
+        "top-low",
+        "top-side",
+        "front-low",
+        "back-low",
+        "right-low",
+        "left-low",
+    }
     assert {n for n, o in zip(names, high, strict=True) if o} == {
-        "top-high", "front-high", "back-high", "right-high", "left-high",
-    }  # fmt: skip
+        "top-high",
+        "front-high",
+        "back-high",
+        "right-high",
+        "left-high",
+    }
     assert not table.any()
 
 

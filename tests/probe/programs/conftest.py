@@ -31,9 +31,13 @@ def bench(arc_welder) -> Bench:
     assert len(plan) == TOUCHES
     theta = cell.theta + 0.15 * cell.scale * rng.standard_normal(len(cell.theta))
     effects = Effects(
-        sigma=0.03, joint_noise=(0.0, np.radians(0.0005)), backlash=(0.0, np.radians(0.002)), relay_delay=DELAY,
-        servo=0.0001, bounce=0.003,
-    )  # fmt: skip
+        sigma=0.03,
+        joint_noise=(0.0, np.radians(0.0005)),
+        backlash=(0.0, np.radians(0.002)),
+        relay_delay=DELAY,
+        servo=0.0001,
+        bounce=0.003,
+    )
     return Bench(cell, plan, Truth(theta, effects))
 
 
@@ -50,10 +54,18 @@ def live(bench, tmp_path_factory) -> Touches:
             results = list(session.results.values())
     blank = np.full(len(results), np.nan)
     return Touches(
-        tuple(r.id for r in results), tuple(r.face for r in results), np.array([r.reading.q for r in results]),
-        np.full((len(results), 3), np.nan), blank, blank, tuple(r.status for r in results), blank, ("",) * len(results),
-        tuple(r.note for r in results), bench.plan.approach,
-    )  # fmt: skip
+        tuple(r.id for r in results),
+        tuple(r.face for r in results),
+        np.array([r.reading.q for r in results]),
+        np.full((len(results), 3), np.nan),
+        blank,
+        blank,
+        tuple(r.status for r in results),
+        blank,
+        ("",) * len(results),
+        tuple(r.note for r in results),
+        bench.plan.approach,
+    )
 
 
 @pytest.fixture(scope="session")

@@ -116,8 +116,12 @@ BAD = [
     ("fanuc", "numreg1.va", lambda t: t.replace("*NUMREG*", "*OTHER*"), r"numreg1.va:1: no \[\*POSREG\*\]"),
     ("fanuc", "numreg1.va", lambda t: t.replace("[11] = 1", "[11] = one"), r"numreg1.va:12: R\[11\] is 'one"),
     ("fanuc", "posreg1.va", lambda t: re.sub(r"J1 = .*? J2", "X: 1.0 J2", t), r"PR\[4\] does not hold joints"),
-    ("fanuc", "posreg1.va", lambda t: re.sub(r"\[1,4\] =.*?\n\n", "[1,4] =   '' Uninitialized\n", t, flags=re.S),
-     "touch 1 has a contact but no joints"),
+    (
+        "fanuc",
+        "posreg1.va",
+        lambda t: re.sub(r"\[1,4\] =.*?\n\n", "[1,4] =   '' Uninitialized\n", t, flags=re.S),
+        "touch 1 has a contact but no joints",
+    ),
     ("kuka", "TC1.dat", lambda t: t.replace("TC_STAMP", "TC_X"), "no TC_STAMP in it; give the .dat"),
     ("kuka", "TC1.dat", lambda t: re.sub(r"TC_Q\[2\]=\{A1 \S+,", "TC_Q[2]={", t), r"TC1.dat:\d+: TC_Q\[2\] is"),
     ("kuka", "TC1.dat", lambda t: t.replace("TC_S[1]=1", "TC_S[1]=9"), r"TC1.dat:\d+: touch 1 has code 9"),
@@ -129,7 +133,7 @@ BAD = [
     ("yaskawa", "VAR1.DAT", lambda t: re.sub(r"P00000=\S+?,", "P00000=1.5,", t), r"VAR1.DAT:\d+: P000 is .*pulses"),
     ("ur", "TC1.log", lambda t: t.replace("t 1", "x 1"), r"TC1.log:2: found 'x 1"),
     ("ur", "TC1.log", lambda t: re.sub(r" 3 5000", " 3 0", t), "TC1.log:1: its header is"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("maker", "name", "spoil", "words"), BAD)

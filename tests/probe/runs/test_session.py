@@ -106,9 +106,7 @@ def test_a_journal_damaged_in_its_middle_keeps_what_is_whole_and_names_what_is_n
     journal = Journal(path)
 
     assert [record["text"] for record in journal.records] == ["x"] * 3
-    assert journal.broken == [
-        "line 2 is damaged", "line 4 repeats record 2", "before line 5, 2 records are missing",
-    ]  # fmt: skip
+    assert journal.broken == ["line 2 is damaged", "line 4 repeats record 2", "before line 5, 2 records are missing"]
     assert (tmp_path / journal.copy).read_bytes() == damaged
     journal.append({"text": "z"})
     journal.close()

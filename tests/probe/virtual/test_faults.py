@@ -102,9 +102,15 @@ def bench_of(
 ) -> Iterator[Bench]:
     options = OPTIONS[protocol]
     with serve(
-        cell, truth, protocol=protocol, speed=AS_FAST_AS_POSSIBLE, start=plan.approach[0], faults=faults, seed=seed,
+        cell,
+        truth,
+        protocol=protocol,
+        speed=AS_FAST_AS_POSSIBLE,
+        start=plan.approach[0],
+        faults=faults,
+        seed=seed,
         **options,
-    ) as served:  # fmt: skip
+    ) as served:
         controller = open_controller(served.url, protocol, cell.robot, **options)
         try:
             yield Bench(served, controller, cell, plan, folder / "touches.csv")
@@ -228,9 +234,13 @@ MISHAPS = ["unplug", "hang", "stall", "bounce", "open", "stuck", "early", "reboo
 @settings(max_examples=8, phases=[Phase.explicit, Phase.generate])  # it waits for real time: no shrinking
 @given(st.lists(st.tuples(st.sampled_from(MISHAPS), st.integers(2, 10)), max_size=4), st.integers(0, 10**6))
 def test_any_sequence_of_faults_leaves_only_true_touches_and_loses_none(
-    cell: Cell, plan: Plan, truth: Truth, tmp_path_factory: pytest.TempPathFactory, mishaps: list[tuple[str, int]],
+    cell: Cell,
+    plan: Plan,
+    truth: Truth,
+    tmp_path_factory: pytest.TempPathFactory,
+    mishaps: list[tuple[str, int]],
     seed: int,
-) -> None:  # fmt: skip
+) -> None:
     seconds = {"unplug": ",seconds=0.6", "hang": ",seconds=1.2", "stuck": ",seconds=1", "estop": ",seconds=1"}
     faults = [f"{kind}@{at}{seconds.get(kind, '')}" for kind, at in mishaps]
     folder = tmp_path_factory.mktemp("faults")
@@ -302,9 +312,16 @@ def driver() -> Iterator[Killable]:
     ],
 )
 def test_a_driver_killed_at_any_moment_loses_and_doubles_nothing_and_the_robot_only_goes_back(
-    cell: Cell, plan: Plan, truth: Truth, tmp_path: Path, driver: Killable, protocol: str, speed: float,
-    deadman: float | None, longest: float,
-) -> None:  # fmt: skip
+    cell: Cell,
+    plan: Plan,
+    truth: Truth,
+    tmp_path: Path,
+    driver: Killable,
+    protocol: str,
+    speed: float,
+    deadman: float | None,
+    longest: float,
+) -> None:
     rng, kills = np.random.default_rng(11), 0
     scale = 1.0 if speed == AS_FAST_AS_POSSIBLE else speed
     served_as = {"protocol": protocol, "speed": speed, "deadman": deadman, **OPTIONS[protocol]}

@@ -211,9 +211,19 @@ def test_the_probe_input_is_not_watched_during_a_move(desk):
 
 @pytest.mark.parametrize(
     ("text", "error"),
-    [("G1X1\n", 22), ("G38.3F10\n", 26), ("G0G1X1\n", 21), ("X1X2\n", 25), ("G2X1\n", 20), ("G0Q1\n", 20), ("GX\n", 2),
-     ("*\n", 1), ("$Z\n", 3), ("G1" + "X1" * 200 + "\n", 11)],
-)  # fmt: skip
+    [
+        ("G1X1\n", 22),
+        ("G38.3F10\n", 26),
+        ("G0G1X1\n", 21),
+        ("X1X2\n", 25),
+        ("G2X1\n", 20),
+        ("G0Q1\n", 20),
+        ("GX\n", 2),
+        ("*\n", 1),
+        ("$Z\n", 3),
+        ("G1" + "X1" * 200 + "\n", 11),
+    ],
+)
 def test_what_cannot_be_read_is_answered_by_its_error(desk, text, error):
     assert desk.say(text) == [f"error:{error}"]
     assert desk.robot.begun == 0

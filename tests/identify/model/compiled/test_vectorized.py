@@ -24,7 +24,7 @@ EXPRESSIONS = {
     "equality": [ca.if_else(a == b, 1, 2), ca.if_else(a != b, a, 0), ca.if_else(ca.logic_not(a < b), a, b)],
     "constants": [ca.SX(3), ca.SX(0), a, ca.dot(c, c), c[0]],
     "infinities and what is no number": [a / (a - a), ca.sqrt(a), ca.log(a), ca.asin(a)],
-}  # fmt: skip
+}
 
 
 @pytest.fixture(autouse=True)
@@ -57,10 +57,7 @@ def check(function, *arguments):
 @pytest.mark.parametrize("name", EXPRESSIONS)
 def test_every_operation_is_that_of_casadi_to_the_last_digit(name, rng):
     function = ca.Function("f", [a, b, c], [ca.densify(ca.vertcat(*EXPRESSIONS[name]))])
-    left, right = (
-        rng.uniform(-3, 3, (sum(BLOCKS), 1)),
-        rng.uniform(0.1, 3, (sum(BLOCKS), 1)),
-    )
+    left, right = (rng.uniform(-3, 3, (sum(BLOCKS), 1)), rng.uniform(0.1, 3, (sum(BLOCKS), 1)))
     left[:3] = right[:3]  # equal values, for the choices
 
     check(function, left, right, rng.normal(size=2))

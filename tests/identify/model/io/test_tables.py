@@ -14,14 +14,7 @@ from hypothesis.extra.numpy import arrays
 from identify.model.cell import Cell
 from identify.model.files import InputError, write_text
 from identify.model.io.description import library, read_jig, read_robot
-from identify.model.io.tables import (
-    plan_text,
-    positions_text,
-    read_plan,
-    read_positions,
-    read_touches,
-    touches_text,
-)
+from identify.model.io.tables import plan_text, positions_text, read_plan, read_positions, read_touches, touches_text
 from identify.model.touch import HIT, Plan, Positions, Touches
 
 TOUCHES = """\
@@ -105,11 +98,7 @@ MISTAKES = {
     "infinite": ("10,-20,30.5", "10,1e999,30.5", "2: q2_deg is '1e999', expected a number"),
     "empty": ("10,-20,30.5", "10,,30.5", "2: q2_deg is 'empty', expected a number"),
     "a word": ("10,-20,30.5", "10,ten,30.5", "2: q2_deg is 'ten', expected a number"),
-    "decimal comma in quotes": (
-        "10,-20,30.5",
-        '10,-20,"30,5"',
-        "2: q3_deg is '30,5', expected a number; write it",
-    ),
+    "decimal comma in quotes": ("10,-20,30.5", '10,-20,"30,5"', "2: q3_deg is '30,5', expected a number; write it"),
     "decimal comma": ("10,-20,30.5", "10,-20,30,5", "2: 18 cells where the header has 17; is a decimal comma in it?"),
     "a line cut short": ("12,-22,32,42,52,62,,", "12,-22", "5: 12 cells where the header has 17; the line is cut"),
     "unknown face": ("right-low", "right-lo", "5: jig 'step-block' has no face 'right-lo'; did you mean 'right-low'?"),
@@ -122,11 +111,7 @@ MISTAKES = {
     "face and another plane": ("right-low,,,,", "right-low,1,0,0,340", "5: the plane in numbers is not that of face"),
     "sigma zero": ("120.5,0.1", "120.5,0", "4: sigma_mm is 0, expected a length above 0"),
     "column missing": ("q2_deg,", "q2,", "1: column 'q2_deg' is missing; did you mean 'q2'?"),
-    "column twice": (
-        "q3_deg,q4_deg",
-        "q3_deg,q3_deg,q4_deg",
-        "1: column 'q3_deg' stands twice in the header",
-    ),
+    "column twice": ("q3_deg,q4_deg", "q3_deg,q3_deg,q4_deg", "1: column 'q3_deg' stands twice in the header"),
 }
 
 

@@ -80,9 +80,9 @@ def semantics(q):
         step[:3, :3] = Rotation.from_rotvec(value * np.array([float(x) for x in axis.split()])).as_matrix()
         T = T @ step
         out[name] = T
-    out["flange"] = T @ np.block([
-        [Rotation.from_euler("y", 1.5707963).as_matrix(), np.zeros((3, 1))], [np.zeros(3), 1],
-    ])  # fmt: skip
+    out["flange"] = T @ np.block(
+        [[Rotation.from_euler("y", 1.5707963).as_matrix(), np.zeros((3, 1))], [np.zeros(3), 1]]
+    )
     return out
 
 
@@ -108,8 +108,10 @@ def test_shapes_stand_on_the_moving_robot_where_the_urdf_says(tmp_path, rng):
             assert T @ shape.pose == pytest.approx(expected[shape.name] @ local, abs=1e-7)
     assert {s.name: s.link for s in robot.shapes}["flange"] == 6
     assert {s.kind: s.size for s in robot.shapes if s.kind != "mesh"} == {
-        "box": (100, 200, 300), "cylinder": (50, 400), "sphere": (70,),
-    }  # fmt: skip
+        "box": (100, 200, 300),
+        "cylinder": (50, 400),
+        "sphere": (70,),
+    }
 
 
 def test_what_is_fixed_to_a_link_moves_with_it_and_what_moves_besides_is_left_out(tmp_path):
