@@ -15,7 +15,8 @@ STALLED = 3.0  # [s] without progress
 class Watch:
     """What a robot may report while it moves straight from `start` to `end` at a rate.
 
-    Made before the command is sent: the robot cannot be further along than the time since then allows.
+    Made before the command is sent: the robot cannot be further along than its own time since then allows. Progress
+    counts in the driver's time: a report that waited while a simulated cell jumped on is no standstill.
     """
 
     def __init__(
@@ -34,12 +35,12 @@ class Watch:
         self._square = float(self._line @ self._line)
         self._clock, self._began = clock, clock.robot()
         self._from_contact, self._off = from_contact, off
-        self._farthest, self._progressed = 0.0, self._began  # [deg] along the segment, and when
+        self._farthest, self._progressed = 0.0, clock.now()  # [deg] along the segment, and when it was heard
         self._closed_at: float | None = None  # [deg] along the segment, where the input was first seen closed
 
     def objection(self, q: Float[np.ndarray, " joints"], closed: bool) -> str:
         """What is wrong with a position [deg] or [mm] that a moving robot reports, or nothing."""
-        now, away = self._clock.robot(), q - self._start
+        now, away = self._clock.now(), q - self._start
         fraction = float(away @ self._line) / self._square if self._square else 0.0
         off = float(np.abs(away - fraction * self._line).max())
         along = fraction * self._span
@@ -49,7 +50,7 @@ class Watch:
             return f"{along - self._span:.2f} deg beyond the end of the commanded path"
         if along < self._farthest - OFF:
             return f"moved back by {self._farthest - along:.2f} deg on its path"
-        possible = FASTER * self._rate * (now - self._began + LATE) + OFF
+        possible = FASTER * self._rate * (self._clock.robot() - self._began + LATE) + OFF
         if along > possible:
             return f"{along:.2f} deg along its path, expected at most {possible:.2f} deg at {self._rate:.2f} deg/s"
         if along > self._farthest + OFF / 10 or self._span - along < OFF:

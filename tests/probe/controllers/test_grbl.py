@@ -14,6 +14,7 @@ from identify.model.touch import Plan
 from probe.controllers import open_controller
 from probe.controllers.grbl import Grbl
 from probe.controllers.grbl_words import offset, read_probe, read_report, refusal, trigger
+from probe.line.clock import Clock
 from probe.line.controller import Contact, Controller, NoContact, Rebooted, Refused
 from probe.virtual.grbl import GrblController
 from probe.virtual.robot import VirtualRobot
@@ -55,7 +56,8 @@ def bench_of(cell: Cell, plan: Plan, truth: Truth, *faults: str, **options: obje
     with serve(
         cell, truth, protocol="grbl", speed=float("inf"), start=plan.approach[0], axis_unit_deg=UNIT, faults=faults
     ) as served:
-        controller = open_controller(served.url, "grbl", cell.robot, axis_unit_deg=UNIT, **options)
+        clock = Clock(robot=served.clock.now)  # the robot's time jumps
+        controller = open_controller(served.url, "grbl", cell.robot, clock=clock, axis_unit_deg=UNIT, **options)
         try:
             yield Bench(served, controller, plan)
         finally:

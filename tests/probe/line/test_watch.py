@@ -56,6 +56,21 @@ def test_a_robot_that_stands_still_on_its_way_is_told_on() -> None:
     assert "no progress for 3.1 s" in seen.objection(0.4 * END, False)
 
 
+def test_a_robot_whose_time_jumps_may_be_as_far_as_its_own_time_allows_and_stands_still_only_in_the_drivers() -> None:
+    clock, skipped = Ticks(), 0.0
+    clock.robot = lambda: clock.now() + skipped
+    seen = watch(clock)
+
+    assert "expected at most" in watch(clock).objection(0.4 * END, False)
+    skipped = 1.0
+    assert seen.objection(0.4 * END, False) == ""
+    assert "expected at most" in seen.objection(0.9 * END, False)
+    skipped = 9.0  # a report from before the jump
+    assert seen.objection(0.4 * END, False) == ""
+    clock.sleep(3.1)
+    assert "no progress for 3.1 s" in seen.objection(0.4 * END, False)
+
+
 def test_a_robot_that_runs_on_with_the_input_closed_is_told_on_unless_it_retracts_or_the_input_flickers() -> None:
     clock = Ticks()
     stuck, flickers, retracts = watch(clock), watch(clock), watch(clock, from_contact=True)

@@ -24,6 +24,7 @@ from touching import clear_plan, pointed
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from probe.controllers import open_controller
+from probe.line.clock import Clock
 from probe.line.controller import Controller, Rebooted, TouchError
 from probe.motion.joint_path import Geometry
 from probe.motion.settings import Settings
@@ -111,7 +112,8 @@ def bench_of(
         seed=seed,
         **options,
     ) as served:
-        controller = open_controller(served.url, protocol, cell.robot, **options)
+        clock = Clock(robot=served.clock.now)  # the robot's time jumps
+        controller = open_controller(served.url, protocol, cell.robot, clock=clock, **options)
         try:
             yield Bench(served, controller, cell, plan, folder / "touches.csv")
         finally:
