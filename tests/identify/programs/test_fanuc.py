@@ -128,8 +128,17 @@ def test_corrected_positions_bring_the_true_robot_where_the_program_said(drawn):
 
     result = fixed(text)
 
-    before, after = read(text), read(result.after.decode("latin-1"))
     left = {mention.name for mention in result.left}
+    able = [i for i in range(1, len(positions) + 1) if f"P[{i}]" not in left]
+    if left:  # no motion stands there: every position is of the path, which stays whole
+        assert (result.after, len(result.shift), result.held, result.whole) == (result.before, 0, len(able), False)
+        if not able:
+            return
+        text = text.replace("/POS", f"   2:L P[{able[0]}] 100mm/sec FINE ;\n/POS")  # the path goes elsewhere
+        result = fixed(text)
+        assert {mention.name for mention in result.left} == left
+    assert (result.held, result.whole) == (0, True)
+    before, after = read(text), read(result.after.decode("latin-1"))
     assert len(after) == len(positions)
     for i, (kind, q, *_) in enumerate(positions):
         old, new = before[i], after[i]
