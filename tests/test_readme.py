@@ -130,14 +130,6 @@ def test_the_run_on_a_real_robot_gives_what_the_readme_shows(shared_data, tmp_pa
     assert_shown(block("output: irb120").text, said)
 
 
-def test_joint_errors_are_chosen_on_a_real_robot_as_the_readme_shows(shared_data, tmp_path):
-    (tmp_path / "cell.yaml").write_text(block("file: cell.yaml").text + "\n")
-
-    said = run(block("needs: IRB120, beyond").text, tmp_path, IRB120=str(shared_data / "irb120"))
-
-    assert_shown(block("output: irb120, beyond").text, said)
-
-
 def test_the_library_is_used_as_the_readme_shows(capsys):
     for example in (b.text for b in blocks() if b.language == "python"):
         exec(example, {})
@@ -155,7 +147,6 @@ def test_no_shell_block_is_left_unrun():
         "Try it without a robot",
         USE,
         "Accuracy on a real robot",
-        "Beyond geometry",
     }
 
-    assert {b.heading for b in blocks() if b.language == "sh"} == run_somewhere | {"Beyond geometry"}
+    assert {b.heading for b in blocks() if b.language == "sh"} == run_somewhere
