@@ -1,11 +1,14 @@
 """The README as tests read it: its blocks, its commands as a user runs them, and its demo."""
 
 import os
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+LONGEST = 600  # [s], of a shell block
 README = Path(__file__).parents[2] / "README.md"
 
 
@@ -48,15 +51,24 @@ def activated():
 
 
 def run(command, folder, **environment):
-    """Run a shell block as a user does; what it says."""
-    return subprocess.run(
+    """Run a shell block as a user does; what it says. What it started and did not stop is stopped at its end."""
+    shell = subprocess.Popen(
         ["bash", "-euo", "pipefail", "-c", command],
         cwd=folder,
         env=activated() | environment,
-        capture_output=True,
         text=True,
-        check=True,
-    ).stdout
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    try:
+        shell.wait(LONGEST)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(shell.pid, signal.SIGTERM)
+    said, errors = shell.communicate()
+    assert shell.returncode == 0, errors
+    return said
 
 
 @dataclass(frozen=True)
