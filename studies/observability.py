@@ -27,6 +27,7 @@ from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, 
 
 SETS, ROBOTS, TOUCHES = 500, 40, 40
 MOST = 1e4  # mm² that a picture shows; sets that leave a direction unseen have more, or infinity
+WORST = {name: -np.inf if c.larger_is_better else np.inf for name, c in CRITERIA.items()}  # of an index without a value
 
 
 def tasks(small: bool) -> list[dict[str, Any]]:
@@ -50,6 +51,7 @@ def run(rng: np.random.Generator, part: int, sets: int, robots: int) -> list[dic
             {
                 "set": part * sets + k,
                 "drawn": ["from all", "nearby"][k % 2],
+                **WORST,
                 **indices(offer, offer.rows[chosen]),
                 "rms_mm": rms,
             }

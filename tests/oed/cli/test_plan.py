@@ -135,9 +135,12 @@ def test_a_robot_that_may_be_far_off_is_kept_farther_from_the_jig(made):
 
 
 def test_the_command_tells_the_promise_the_curve_the_certificates_and_what_limits_it(made):
+    promise = made.told["promise"]
+    assert 0.11 < promise["rms_mm"] < 0.13
+    assert promise["rms_mm"] > np.sqrt(made.told["indices"]["V"])  # V takes it that no touch misses
     for words in (
         f"{N} touches, criterion V, about",
-        "promised tip error in the weld zone: RMS 0.0",
+        f"promised tip error in the weld zone: RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm",
         "touches   ",
         "95 % [mm]",
         "indices: O1 ",
@@ -149,7 +152,9 @@ def test_the_command_tells_the_promise_the_curve_the_certificates_and_what_limit
     assert made.told["touches"] == len(made.rows) == N
     assert 0.5 < made.told["manifold"] < made.told["efficiency"] < 1
     assert made.told["unseen"] == []
-    assert any("of the tip variance that is left comes from" in note for note in made.told["notes"])
+    assert any(
+        "of the remaining tip variance comes from one combination of unknowns: " in note for note in made.told["notes"]
+    )
 
 
 def test_faces_that_are_never_reached_are_told_with_the_reason(made):
@@ -176,7 +181,6 @@ def cell_file(tmp_path):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["-n", 20], "20 touches cannot determine the 25 identifiable parameters of robot 'arc-welder'; plan at least"),
         (["-n", 0], "0 touches are asked for"),
         (["-n", 30, "--target", 0.1], "give one, the other follows from it"),
         (["--criterion", "X"], "criterion 'X' is not known"),
@@ -192,6 +196,19 @@ def test_a_plan_that_cannot_be_is_refused_in_one_sentence(cell_file, tmp_path, t
     assert (code, out) == (2, "")
     assert re.search(says, " ".join(err.split()))
     assert not (tmp_path / "plan.csv").exists()
+
+
+def test_fewer_touches_than_parameters_are_a_plan_that_says_what_it_does_not_show(cell_file, tmp_path, touchcal):
+    code, _, err = touchcal("plan", "--cell", cell_file(), "-o", tmp_path / "plan.csv", "-n", 20)
+    told = json.loads((tmp_path / "plan.json").read_text())
+
+    assert (code, err) == (0, "")
+    assert told["touches"] == 20
+    assert told["promise"]["rms_mm"] > 1.0
+    assert "A" not in told["indices"]
+    assert told["indices"]["D"] == 0  # the touches alone determine nothing
+    assert len(told["unseen"]) >= 5  # 25 identifiable parameters, 20 touches
+    assert all(line.endswith("make more touches") for line in told["unseen"])
 
 
 def test_a_jig_out_of_reach_is_told_with_how_far(cell_file, tmp_path, touchcal):
