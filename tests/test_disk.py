@@ -55,7 +55,7 @@ COMMANDS = [["demo", "-o", "d"], ["init", "new"], ["campaign", "-o", "c"], ["run
 def test_a_full_disk_is_one_sentence(command, project):
     done = touchcal(project, *command, room=SMALL)
 
-    assert done.returncode == 2, done.stderr
+    assert done.returncode == (1 if command[0] == "run" else 2), done.stderr  # a run has begun: its work failed
     assert "cannot be written" in done.stderr or "nothing more can be written" in done.stderr
     assert done.stderr.count("touchcal:") == 1
     assert "Traceback" not in done.stderr
@@ -77,7 +77,7 @@ def test_touches_made_before_the_disk_was_full_are_kept_and_the_run_goes_on(proj
     before = (project / "touches.csv").read_text().splitlines()
     again = touchcal(project, *words, "--resume")
 
-    assert full.returncode == 2, full.stderr
+    assert full.returncode == 1, full.stderr
     assert full.stderr.count("touchcal:") == 1, full.stderr
     assert again.returncode == 0, again.stderr
     assert (project / "touches.csv").read_text().splitlines()[: len(before)] == before
