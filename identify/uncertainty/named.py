@@ -53,9 +53,7 @@ def named(cell: Cell) -> Iterator[Named]:
             yield Named("point", name, point.position, np.full(3, point.sigma), 1.0)
 
 
-def placed(
-    theta: Float[np.ndarray, " parameters"], rows: Rows, values: list[tuple[Named, Float[np.ndarray, " size"]]]
-) -> tuple[Float[np.ndarray, "*rows parameters"], Rows]:
+def placed(theta: np.ndarray, rows: Rows, values: list[tuple[Named, np.ndarray]]) -> tuple[np.ndarray, Rows]:
     """Parameters of each row, with its own base and tool, and the rows with the coordinates of their points."""
     whole, places = theta, rows.places
     for unknown, value in values:
