@@ -20,8 +20,7 @@ from probe.motion.obstacles import obstacles
 from probe.motion.tour import RAMP, Order, minutes, order, travel
 
 LIFT = 40.0, 80.0  # [mm] that a lifted tip stands above its approach, or above all of the jig: at least and at most
-RANDOM = 400  # postures drawn for a way that lifted postures and stops do not give
-SEARCHES = 120  # shortest ways that are looked at finely before a way is given up
+SEARCHES = 40  # shortest ways that are looked at finely before a way is given up
 UNSEEN = 1.5  # times what a way takes, while nobody has looked whether it is clear
 TURN = 2.0  # [rad], most that a joint turns on the way up: else the arm goes over into another branch
 
@@ -55,8 +54,7 @@ class Roadmap:
                 return [goal]
             if around := replace(self, edges=edges)._around(start, goal):
                 return around
-        least = replace(self.edges, keep=0.0)
-        return replace(self, edges=least, stops=np.concatenate([self.stops, anywhere(least)]))._around(start, goal)
+        return []
 
     def _around(
         self, start: Float[np.ndarray, " joints"], goal: Float[np.ndarray, " joints"]
@@ -171,13 +169,6 @@ def lifts(
         ok = ok[edges.clearance.hits(solved.q[ok], margin=MARGIN) == CLEAR]
         lifted[rest[ok]] = solved.q[ok]
     return lifted
-
-
-def anywhere(edges: Edges) -> Float[np.ndarray, "postures joints"]:
-    """Random postures that are clear, for ways into another branch of the arm (Kavraki et al. 1996)."""
-    robot = edges.clearance.cell.robot
-    q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (RANDOM, len(robot.joints)))
-    return q[edges.clearance.hits(q, margin=MARGIN) == CLEAR]
 
 
 def _passed(

@@ -13,7 +13,7 @@ from identify.model.urdf.chain import read_urdf
 from identify.model.urdf.ends import ends, urdf_file
 from identify.model.zone import frames
 
-DATA = Path("/work/shared/data/robots")
+DATA = Path(__file__).parents[4] / "shared" / "data" / "robots"
 Z = np.array([0.0, 0.0, 1.0])
 
 

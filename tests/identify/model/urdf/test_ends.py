@@ -8,7 +8,7 @@ import pytest
 from identify.model.files import InputError
 from identify.model.urdf.ends import ends, urdf_file
 
-DATA = Path("/work/shared/data")
+DATA = Path(__file__).parents[5] / "shared" / "data"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the published arms are not here")
 
 ARM = """<robot name="arm">
