@@ -83,7 +83,7 @@ def test_the_controller_section_names_what_there_is():
     section = README.read_text(encoding="utf-8").partition("## The controller")[2].partition("## Describe")[0]
 
     assert set(YAML().load(entry)["controller"]) <= set(ControllerEntry.model_fields)
-    assert all(f"`{protocol}`" in section for protocol in PROTOCOLS)
+    assert all(f"`protocol: {protocol}`" in section for protocol in PROTOCOLS)
     assert all(code in section for code in CODES if code not in ("ROBOT", "LOST"))
 
 

@@ -59,7 +59,7 @@ def test_an_interpreter_that_is_not_there_is_told(monkeypatch):
 
 
 def test_a_racer_that_takes_too_long_is_stopped():
-    rows = np.random.default_rng(0).standard_normal((30_000, 20))
+    rows = np.random.default_rng(0).standard_normal((300_000, 30))
 
     found = race("with_touchcal", "touchcal exact_design", {"rows": rows, "n": np.array(60)}, 1)
 

@@ -19,8 +19,8 @@ def counted(arc_welder):
     return replace(arc_welder, robot=replace(arc_welder.robot, counting=ODD))
 
 
-@pytest.mark.parametrize(("protocol", "word"), [("line", b"MOVE"), ("grbl", b"G38.3")])
-def test_the_line_carries_the_controllers_numbers_and_the_arm_goes_where_the_model_says(counted, protocol, word):
+@pytest.mark.parametrize("protocol", ["line", "grbl"])
+def test_the_line_carries_the_controllers_numbers_and_the_arm_goes_where_the_model_says(counted, protocol):
     truth = draw_truth(counted, np.random.default_rng(3), scale=0.1)
     start = np.zeros(6)
     with serve(counted, truth, protocol=protocol, speed=np.inf, start=start) as served:
@@ -33,7 +33,6 @@ def test_the_line_carries_the_controllers_numbers_and_the_arm_goes_where_the_mod
         np.testing.assert_allclose(before, start, atol=2e-5)
         np.testing.assert_allclose(arrived, TARGET, atol=2e-5)
         np.testing.assert_allclose(served.robot.q, TARGET, atol=2e-5)
-        sent = next(line for line in served.heard if word in line).decode()
         # joint 2 is shown as 90 - q, joint 3 without what joint 2 shows
-        for shown in (92.0, 4.0 - 92.0, 6.0):
-            assert f"{shown:.3f}" in sent
+        shown = [f"{degrees:.3f}" for degrees in (92.0, 4.0 - 92.0, 6.0)]
+        assert any(all(number in line.decode() for number in shown) for line in served.heard)
