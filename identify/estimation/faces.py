@@ -10,6 +10,7 @@ from scipy.special import chdtrc
 from identify.estimation.problem import Problem
 from identify.estimation.robust import Estimate, estimate
 from identify.model.calibration import FACE, Calibration, Finding
+from identify.uncertainty.promise import INTERVAL
 
 CHANCE = 0.01  # of a jig as good as stated to be called worse
 CERTAIN = 1.0  # degrees of freedom that the stated tolerances are worth
@@ -94,6 +95,6 @@ def face_findings(c: Calibration) -> Iterator[Finding]:
     for k in np.flatnonzero((np.abs(value) > NAMED * np.maximum(scatter, 0.2 * stated)) & (np.abs(value) > stated)):
         yield Finding(
             "face",
-            f"'{names[k]}' stands {value[k]:+.3f} +- {1.96 * deviation[k]:.3f} mm (95 %) off its place, stated "
+            f"'{names[k]}' stands {value[k]:+.3f} +- {INTERVAL * deviation[k]:.3f} mm (95 %) off its place, stated "
             f"{stated[k]:g} mm (1 sigma); measure it, or correct the jig file",
         )

@@ -10,9 +10,9 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration, Errors, summarize
 from identify.model.zone import zone_poses
 from identify.report.page import table
+from identify.uncertainty.promise import INTERVAL
 
 LISTED = 12  # parameters, those first that changed most
-SURE = 1.96  # standard deviations of a change
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +80,7 @@ def history(c: Calibration, earlier: Sequence[tuple[str, Calibration]]) -> str:
     ]
     head = "<h2>Since earlier calibrations</h2>"
     over = table(["tip change over the zone since", "mean, mm", "95 %, mm", "max, mm"], tips) if tips else ""
-    note = (
-        f'<p class="soft">Parameters that changed most, with 95 % intervals; * beyond {SURE:g} standard deviations.</p>'
-    )
+    note = '<p class="soft">Parameters that changed most, with 95 % intervals; * beyond them.</p>'
     return head + over + note + table(["parameter", *(f"since {x.name}" for x in found)], rows)
 
 
@@ -90,5 +88,5 @@ def _drift(change: Change, i: int, unit: float, digits: int) -> str:
     """The change of one parameter in file units, with its interval, and a star where it is sure."""
     if change.sigma[i] == 0:
         return "not estimated by both"
-    star = " *" if abs(change.parameters[i]) > SURE * change.sigma[i] else ""
-    return f"{change.parameters[i] / unit:+.{digits}f} +- {1.96 * change.sigma[i] / unit:.{digits}f}{star}"
+    star = " *" if abs(change.parameters[i]) > INTERVAL * change.sigma[i] else ""
+    return f"{change.parameters[i] / unit:+.{digits}f} +- {INTERVAL * change.sigma[i] / unit:.{digits}f}{star}"

@@ -17,6 +17,7 @@ from identify.report.history import history
 from identify.report.ladder import ways
 from identify.report.page import folded, page, table, view
 from identify.report.scene import scene
+from identify.uncertainty.promise import INTERVAL
 from identify.uncertainty.zone_map import zone_map
 
 BEYOND = 3.0  # tolerances: a face further off than that stands elsewhere
@@ -114,7 +115,7 @@ def _shared(c: Calibration) -> str:
             [
                 f"{value.name.replace('face.', 'face ', 1)} [{value.unit}]",
                 f"{value.value / unit:+.3f}",
-                f"{1.96 * deviation / unit:.3f}",
+                f"{INTERVAL * deviation / unit:.3f}",
                 "stands elsewhere than the jig file says" if off else "",
             ]
         )
@@ -169,7 +170,7 @@ def _parameters(c: Calibration) -> str:
     unit, names = c.cell.robot.parameter_unit(), c.cell.robot.parameters
     rows = []
     for i, name in enumerate(names):
-        status, sigma = c.status(name), 1.96 * c.sigma[i] / unit[i]
+        status, sigma = c.status(name), INTERVAL * c.sigma[i] / unit[i]
         sight = {
             "estimated": "weak: tolerances tell more" if name in c.weak else "well seen",
             "fixed": "fixed by the user",

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
+INTERVAL = 1.96  # standard deviations to either end of a 95 % interval
 SHARE = 95.0  # percent of the poses of a robot, and of the robots
 ROBOTS = 1000  # drawn from what is known
 SEED = 20

@@ -225,17 +225,20 @@ CURES: Mapping[str, str] = {
 def _said(identified: "Calibration", finding: "Finding") -> str:
     """A cause with its size."""
     from identify.health.judge import TOUCH
+    from identify.uncertainty.promise import INTERVAL
 
     name, change, sigma = finding.cause.name, finding.change, finding.sigma
     if name.startswith(TOUCH):
         return f"{name} alone disagrees; make it again"
     if finding.cause.kind == "tool":
-        axes = ", ".join(f"{axis} {v:+.2f} +- {1.96 * s:.2f}" for axis, v, s in zip("xyz", change, sigma, strict=True))
+        axes = ", ".join(
+            f"{axis} {v:+.2f} +- {INTERVAL * s:.2f}" for axis, v, s in zip("xyz", change, sigma, strict=True)
+        )
         return f"the tool is {np.linalg.norm(change):.2f} mm off ({axes} mm in the flange frame)"
     if finding.cause.kind == "base":
         return f"base or jig have moved by {np.linalg.norm(change[:3]):.2f} mm, {_turned(change):.3f} degrees"
     unit, factor = _unit(identified, name), _factor(identified, name)
-    return f"{_part(name)} by {change[0] * factor:+.3f} +- {1.96 * sigma[0] * factor:.3f} {unit}"
+    return f"{_part(name)} by {change[0] * factor:+.3f} +- {INTERVAL * sigma[0] * factor:.3f} {unit}"
 
 
 def _turned(change: np.ndarray) -> float:

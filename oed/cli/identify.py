@@ -247,13 +247,19 @@ def _carried(name: str, terms: Any) -> str:
 
 
 def _parameters(c: "Calibration") -> list[str]:
-    """Changes and 95 % intervals of the estimated parameters."""
-    unit = c.cell.robot.parameter_unit()
+    """Changes and 95 % intervals of the estimated parameters; joint errors whose interval holds zero are counted."""
+    from identify.uncertainty.promise import INTERVAL
+
+    robot, unit = c.cell.robot, c.cell.robot.parameter_unit()
     lines = [f"{'parameter':16}{'start':>12}{'identified':>12}{'change':>10}{'+- (95 %)':>11}"]
-    for i in c.index:
+    joint_errors = {parameter for parameter, _, _ in robot.error_parameters}
+    small = [i for i in c.index if robot.parameters[i] in joint_errors and abs(c.theta[i]) < INTERVAL * c.sigma[i]]
+    for i in sorted(set(c.index).difference(small)):
         start, value, sigma = c.start[i] / unit[i], c.theta[i] / unit[i], c.sigma[i] / unit[i]
-        name = f"{c.cell.robot.parameters[i]} {c.cell.robot.units[i]}"
-        digits = c.cell.robot.decimals[i]
-        numbers = ((start, 12), (value, 12), (value - start, 10), (1.96 * sigma, 11))
+        name = f"{robot.parameters[i]} {robot.units[i]}"
+        digits = robot.decimals[i]
+        numbers = ((start, 12), (value, 12), (value - start, 10), (INTERVAL * sigma, 11))
         lines.append(f"{name:16}" + "".join(f"{x:{width}.{digits}f}" for x, width in numbers))
+    if small:
+        lines.append(f"{len(small)} joint errors are zero within their uncertainty; calibration.json holds them all")
     return lines

@@ -97,9 +97,10 @@ def summary(calibration: "Calibration", found: "Location") -> dict[str, Any]:
 def story(found: "Location", output: Path) -> str:
     """The result as a person reads it."""
     from identify.model.io.entries import POSE_KEYS, POSE_UNIT
+    from identify.uncertainty.promise import INTERVAL
     from identify.workpiece.localization import ALARM, said
 
-    spread = 1.96 * found.sigma[[0, 1, 2, 5, 4, 3]] / POSE_UNIT
+    spread = INTERVAL * found.sigma[[0, 1, 2, 5, 4, 3]] / POSE_UNIT
     lines = [f"workpiece '{found.workpiece.name}' in the frame of the base, from {len(found.residuals)} touches", ""]
     lines += [f"{'':4}{'pose':>12}{'+- (95 %)':>12}"]
     for key, value, about, give in zip(POSE_KEYS, found.pose / POSE_UNIT, ABOUT, spread, strict=True):
