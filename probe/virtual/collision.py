@@ -3,8 +3,9 @@
 It shares nothing with the planner's and the driver's judgement, so that an error there shows here.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from identify.model.shape import Shape
 
 BARE, NOZZLE, BODY = 18.0, 9.0, 19.0  # [mm] of bare wire; radii of nozzle and torch, a millimetre less than drawn
 NECK, FLANGE = 110.0, 30.0  # [mm], from the tip back to the neck, and from the flange to where the torch begins
+GROUP = 64  # balls of a link that are judged together
 SPACING = 6.0  # [mm] between balls, and between points of a mesh
 DEEP = 0.2  # [mm]: what is nearer grazes
 STEP = 5.0  # [mm] of the arm's way between two looks
@@ -42,7 +44,31 @@ class Balls:
     link: int
     name: str
     centre: Float[np.ndarray, "balls 3"]  # [mm], in the frame of the link
-    radius: Float[np.ndarray, " balls"]  # [mm]
+    radius: float  # [mm], of each ball
+
+    @cached_property
+    def groups(self) -> Float[np.ndarray, "groups some 3"]:
+        """The centres in groups of neighbours of one size: halves of halves, the last centre of a short one again."""
+        groups = [self.centre]
+        while len(groups[0]) > GROUP:
+            widest = [np.ptp(group, axis=0).argmax() for group in groups]
+            ordered = [group[np.argsort(group[:, axis])] for group, axis in zip(groups, widest, strict=True)]
+            groups = [half for group in ordered for half in np.array_split(group, 2)]
+        size = max(map(len, groups))
+        return np.stack([group[np.arange(size).clip(max=len(group) - 1)] for group in groups])
+
+    @cached_property
+    def spheres(self) -> tuple[Float[np.ndarray, "groups 3"], Float[np.ndarray, " groups"]]:
+        """Centre and radius of a sphere around the balls of each group [mm]."""
+        middle = (self.groups.min(axis=1) + self.groups.max(axis=1)) / 2
+        return middle, np.linalg.norm(self.groups - middle[:, None], axis=2).max(axis=1) + self.radius
+
+    @cached_property
+    def tree(self) -> Any:
+        """The centres by where they are."""
+        from scipy.spatial import KDTree
+
+        return KDTree(self.centre)
 
 
 class Surroundings:
@@ -87,48 +113,30 @@ class Surroundings:
         frames, torch = self._frames(q, theta), self.torch(theta)
         found: Collision | None = None
         for balls in (*self.arm, *torch):
-            p = (
-                np.einsum("mij,kj->mki", frames[balls.link][:, :3, :3], balls.centre)
-                + frames[balls.link][:, None, :3, 3]
-            )
-            for name, gap in self._gaps(p, balls.radius):
+            for name, gap in self._gaps(balls, frames[balls.link]):
                 found = _earlier(found, gap, balls.name, name)
         for balls in torch:
-            found = self._itself(found, balls, frames)
+            for other in self.arm:
+                if other.link < balls.link - 2:
+                    gap = _between(balls, other, frames[balls.link], frames[other.link])
+                    found = _earlier(found, gap, balls.name, other.name)
         return found
 
     def _gaps(
-        self, p: Float[np.ndarray, "looks balls 3"], radius: Float[np.ndarray, " balls"]
-    ) -> list[tuple[str, Float[np.ndarray, " looks"]]]:
-        """Distances of balls from every solid that they come near [mm]."""
-        low, high = p.min(axis=(0, 1)) - radius.max(), p.max(axis=(0, 1)) + radius.max()
-        out = []
-        for name, lower, upper in self.boxes:
-            if (low < upper).all() and (high > lower).all():
-                out.append((name, _box(p, lower, upper) - radius))
-        for shape in self.shapes:
-            lower, upper = _around(shape)
-            if (low < upper).all() and (high > lower).all():
-                out.append((shape.name, _distance(shape, p) - radius))
-        return [(name, gap.min(axis=1)) for name, gap in out]
-
-    def _itself(self, found: Collision | None, torch: Balls, frames: list[np.ndarray]) -> Collision | None:
-        """The torch against links that are not next to it."""
-        T = frames[torch.link]
-        p = np.einsum("mij,kj->mki", T[:, :3, :3], torch.centre) + T[:, None, :3, 3]
-        for balls in self.arm:
-            if balls.link < torch.link - 2:
-                U = frames[balls.link]
-                o = np.einsum("mij,kj->mki", U[:, :3, :3], balls.centre) + U[:, None, :3, 3]
-                away = np.sqrt(((p.mean(axis=1) - o.mean(axis=1)) ** 2).sum(axis=1))
-                reach = np.ptp(torch.centre, axis=0).sum() + np.ptp(balls.centre, axis=0).sum() + 100
-                near = np.flatnonzero(away < reach)
-                gap = np.full(len(p), np.inf)
-                for m in near.tolist():
-                    d = np.sqrt(((p[m, :, None] - o[m]) ** 2).sum(axis=2)) - torch.radius[:, None] - balls.radius
-                    gap[m] = d.min()
-                found = _earlier(found, gap, torch.name, balls.name)
-        return found
+        self, balls: Balls, T: Float[np.ndarray, "looks 4 4"]
+    ) -> Iterator[tuple[str, Float[np.ndarray, " looks"]]]:
+        """Distances of balls from every solid [mm], infinite where the sphere around them is clear of it."""
+        (middle, reach), groups = balls.spheres, balls.groups
+        middles = middle @ T[:, :3, :3].mT + T[:, None, :3, 3]
+        solids = [(name, partial(_box, lower=low, upper=high), (low, high)) for name, low, high in self.boxes]
+        solids += [(shape.name, partial(_distance, shape), _around(shape)) for shape in self.shapes]
+        for name, distance, (lower, upper) in solids:
+            look, group = np.nonzero(_box(middles, lower, upper) < reach)
+            if len(look):
+                gap = np.full(len(T), np.inf)
+                p = groups[group] @ T[look, :3, :3].mT + T[look, None, :3, 3]
+                np.minimum.at(gap, look, distance(p).min(axis=1) - balls.radius)
+                yield name, gap
 
     def _frames(
         self, q: Float[np.ndarray, "looks joints"], theta: Float[np.ndarray, " parameters"]
@@ -161,7 +169,24 @@ def _along(link: int, name: str, start: object, end: object, radius: float) -> B
     a, b = np.array(start, dtype=float), np.array(end, dtype=float)
     count = int(np.ceil(np.linalg.norm(b - a) / SPACING)) + 1
     centre = a + np.linspace(0, 1, count)[:, None] * (b - a)
-    return Balls(link, name, centre, np.full(count, radius))
+    return Balls(link, name, centre, radius)
+
+
+def _between(
+    some: Balls, others: Balls, T: Float[np.ndarray, "looks 4 4"], U: Float[np.ndarray, "looks 4 4"]
+) -> Float[np.ndarray, " looks"]:
+    """Distances between balls that move with two links [mm], infinite where the spheres around them are apart."""
+    gap = np.full(len(T), np.inf)
+    (centres, reach), (middle, other_reach) = some.spheres, others.spheres
+    middles = middle @ U[:, :3, :3].mT + U[:, None, :3, 3]
+    low, high = (middles - other_reach[:, None]).min(axis=1), (middles + other_reach[:, None]).max(axis=1)
+    apart = _box(centres @ T[:, :3, :3].mT + T[:, None, :3, 3], low[:, None], high[:, None]) - reach
+    near = np.flatnonzero(apart.min(axis=1) < 0)
+    p = some.centre @ T[near, :3, :3].mT + T[near, None, :3, 3]
+    own = (p - U[near, None, :3, 3]) @ U[near, :3, :3]
+    distance = others.tree.query(own.reshape(-1, 3))[0].reshape(own.shape[:-1])
+    gap[near] = distance.min(axis=1) - some.radius - others.radius
+    return gap
 
 
 @lru_cache(maxsize=8)
@@ -171,7 +196,7 @@ def _shapes(robot: Robot) -> tuple[Balls, ...]:
     for shape in robot.shapes:
         points = _surface(shape)
         if len(points):
-            out.append(Balls(shape.link, f"link '{shape.name}'", points, np.zeros(len(points))))
+            out.append(Balls(shape.link, f"link '{shape.name}'", points, 0.0))
     return tuple(out)
 
 
