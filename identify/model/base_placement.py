@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from jaxtyping import Float, Int
 
-from identify.model.cell import CATALOGUE, DEG, Cell, Priors, Zone
+from identify.model.cell import CATALOGUE, DEG, TAUGHT_BASE, TAUGHT_TOOL, Cell, Priors, Zone
 from identify.model.frames import pose, transform
 from identify.model.ik import reach
 from identify.model.jig import Jig
@@ -53,7 +53,8 @@ def starting_cell(
     rng = np.random.default_rng(0)
     low, high = jig.corners.min(axis=0), jig.corners.max(axis=0)
     zone = Zone(np.stack([low - MARGIN * np.array([1, 1, 0]), high + MARGIN], axis=1))
-    cell = Cell(robot, jig, base=None, tool=np.zeros(6), zone=zone, priors=replace(Priors(), link=CATALOGUE))
+    priors = Priors(base=TAUGHT_BASE, tool=TAUGHT_TOOL, link=CATALOGUE)
+    cell = Cell(robot, jig, base=None, tool=np.zeros(6), zone=zone, priors=priors)
     length = round(min(TORCH, TORCH_SHARE * longest_reach(cell, rng)[0]), -1)
     tool = np.eye(4)
     tool[:3, :3] = _turn_to(outward)
@@ -63,8 +64,9 @@ def starting_cell(
         "base": f"Of {placement.tried} places tried, from this one the torch reaches {100 * placement.share:.0f} % of "
         f"points on the jig and in the zone{'' if placement.clear else '; collisions aside'}.",
         "tool": f"A torch of {length:.0f} mm, bent by {-TORCH_BEND / DEG:.0f} degrees: write yours.",
-        "priors": "Links of an industrial arm that is built by its drawing: length_mm 0.5, angle_deg 0.05 (Slamani, "
-        "Nubiola, Bonev 2012).",
+        "priors": "Base and tool as the pendant teaches them: the jig as a user frame of three points, the tip by four "
+        "postures.\n# With a tape measure: base_mm 10, base_deg 2, tool_mm 10, tool_deg 2. Links of an industrial arm "
+        "that is built\n# by its drawing: length_mm 0.5, angle_deg 0.05 (Slamani, Nubiola, Bonev 2012).",
     }
     return replace(cell, base=placement.base), notes
 

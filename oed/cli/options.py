@@ -77,6 +77,12 @@ def read_measured(paths: Sequence[Path], cell: "Cell", trust_units: bool) -> tup
     return _distinct(paths, tables), {path.name: digest(path) for path in paths}
 
 
+def inputs_beside(calibration: "Calibration", folder: Path) -> list[Path]:
+    """Files of measurements of the fit that stand in a folder unchanged."""
+    paths = [folder / name for name in calibration.inputs if name.endswith(".csv")]
+    return [path for path in paths if path.is_file() and digest(path) == calibration.inputs[path.name]]
+
+
 def only_touches(table: "Measured") -> "Touches":
     """The touches; raises InputError if something else was measured."""
     from identify.model.touch import Touches

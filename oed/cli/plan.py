@@ -38,6 +38,9 @@ class Choice:
     seconds: float | None = None
     """So long the plan may search for better touches, and for a better bound on all touches; a few seconds if not
     given. What it finds then depends on the machine."""
+    unseen: Flag = False
+    """Plan touches to verify with instead, 20 if not said otherwise: well spread, and different from those of plan.csv
+    and of the fit (--after). Written to unseen-plan.csv if not said otherwise."""
 
 
 @Parameter(name="*")
@@ -73,6 +76,8 @@ def plan(
 
         touchcal plan --target 0.15
 
+        touchcal plan --unseen -n 20 --after calibration.json
+
     Parameters
     ----------
     after
@@ -90,6 +95,11 @@ def plan(
     described = load_cell(cell)
     if body.workpiece is not None:
         _plan_workpiece(body.workpiece, body.at, described, cell, choice.n, after, output, seed, json)
+        return
+    if choice.unseen:
+        from oed.cli.verify import plan_touches
+
+        plan_touches(described, cell, choice.n, after, output, seed, json)
         return
     calibration = None if after is None else read_calibration(after)
     with progress(not json) as on_progress:

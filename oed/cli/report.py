@@ -1,14 +1,13 @@
 """`touchcal report`."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from identify.model.files import digest, write_text
-from oed.cli.options import CellFile, ladder_lines, load_cell, read_measured
+from identify.model.files import write_text
+from oed.cli.options import CellFile, inputs_beside, ladder_lines, load_cell, read_measured
 
 if TYPE_CHECKING:
     from identify.model.io.calibration_file import Calibration
@@ -54,7 +53,7 @@ def report(
     from identify.report.report import report as make
 
     found = _with_shapes(read_calibration(calibration), cell)
-    measured, _ = read_measured(list(_inputs(found, calibration.parent)), found.cell, trust_units=True)
+    measured, _ = read_measured(inputs_beside(found, calibration.parent), found.cell, trust_units=True)
     verified = verify(found, *read_measured(unseen, found.cell, trust_units=False)[0]) if unseen else None
     issue = Issue(date.today().isoformat(), operator, version=version("touchcal"))
     earlier = [(str(path), read_calibration(path)) for path in since]
@@ -71,11 +70,3 @@ def _with_shapes(found: "Calibration", path: Path) -> "Calibration":
     if (robot.name, len(robot.joints)) != (found.cell.robot.name, len(found.cell.robot.joints)):
         return found
     return replace(found, cell=replace(found.cell, robot=replace(found.cell.robot, shapes=robot.shapes)))
-
-
-def _inputs(found: "Calibration", folder: Path) -> Iterable[Path]:
-    """Files of the fit that are still there and unchanged."""
-    for name, known in found.inputs.items():
-        path = folder / name
-        if path.suffix == ".csv" and path.is_file() and digest(path) == known:
-            yield path

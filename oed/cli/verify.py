@@ -2,15 +2,23 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from identify.model.files import InputError
-from oed.cli.options import Json, TrustUnits, errors_table, print_json, read_measured
+import numpy as np
+
+from identify.model.files import InputError, digest, write_json, write_text
+from oed.cli.options import Json, TrustUnits, errors_table, inputs_beside, print_json, read_measured
+from oed.cli.screen.progress import progress
+
+if TYPE_CHECKING:
+    from identify.model.cell import Cell
 
 
 def verify(calibration: Path, *files: Path, trust_units: TrustUnits = False, json: Json = False) -> None:
     """Errors at touches or positions that the fit has not seen: an accuracy, and what was promised.
 
-    Measurements that were used in the fit are refused, in whatever file they stand. Example:
+    Measurements that were used in the fit are refused, in whatever file they stand. touchcal plan --unseen chooses
+    touches for it. Example:
 
         touchcal verify calibration.json unseen.csv
 
@@ -45,3 +53,58 @@ def verify(calibration: Path, *files: Path, trust_units: TrustUnits = False, jso
     without = beyond_in_zone(identified)
     if without:
         print(f"of the zone, beyond the data of the fit: {'; '.join(without)}")
+
+
+def plan_touches(
+    cell: "Cell", cell_file: Path, n: int | None, after: Path | None, output: Path, seed: int, json: bool
+) -> None:
+    """Write the touches to verify with, and a .json file of the same name."""
+    from identify.model.io.calibration_file import read_calibration
+    from identify.model.io.tables import plan_text, read_plan
+    from oed.planning.unseen import plan_unseen
+
+    usual = cell_file.parent / "plan.csv"
+    output = Path("unseen-plan.csv") if output == Path("plan.csv") else output
+    calibration = None if after is None else read_calibration(after)
+    files = [] if calibration is None or after is None else inputs_beside(calibration, after.parent)
+    tables, _ = read_measured(files, cell, trust_units=True)
+    seen = [table.q for table in tables]
+    if usual.is_file() and usual.resolve() != output.resolve():
+        seen, files = [*seen, read_plan(usual, cell).q], [*files, usual]
+    with progress(not json, "choosing touches"):
+        joints = np.concatenate([np.empty((0, len(cell.robot.joints))), *seen])
+        result = plan_unseen(cell, joints, n, np.random.default_rng(seed), after=calibration)
+    told = {
+        "touches": len(result.plan),
+        "apart": result.apart,
+        "from": [path.name for path in files],
+        "minutes": result.minutes,
+        "notes": list(result.notes),
+        "seed": seed,
+    }
+    write_text(output, plan_text(result.plan, cell.robot))
+    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file)} | dict(cell.sources))
+    if json:
+        print_json(told)
+    else:
+        print(unseen_story(told, output, after))
+
+
+def unseen_story(told: dict[str, Any], output: Path, after: Path | None) -> str:
+    """Touches to verify with, as a person reads of them."""
+    known, calibration = ("", "calibration.json") if after is None else (f" --after {after}", after)
+    minutes = f"about {told['minutes']:.0f} minutes"
+    lines = [f"{told['touches']} touches to verify with, spread over all that can be made, {minutes}"]
+    if told["apart"] is None:
+        lines.append("note: neither plan.csv nor the files of a fit were found: touches of the fit may be among these")
+    else:
+        names = ", ".join(told["from"])
+        lines.append(f"each differs from each touch of {names} by at least {told['apart']:.1f} degrees (mm) in a joint")
+    lines += [f"note: {sentence}" for sentence in told["notes"]]
+    return "\n".join(
+        [
+            *lines,
+            f"wrote {output}; make them with touchcal run {output}{known} -o unseen.csv,",
+            f"then touchcal verify {calibration} unseen.csv",
+        ]
+    )

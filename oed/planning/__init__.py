@@ -8,6 +8,7 @@ In the order in which data walks through:
     uncertain      touches for a badly known robot, visited on ways that are clear for nearly all that it may be
     curve          how accurate more or fewer touches would make the robot
     plan           the plan, and what to expect of it
+    unseen         touches to verify with, away from those of the fit
     health_check   a dozen touches that tell slips, knocks and shifts apart
     workpiece      touches that locate a workpiece
 """

@@ -151,7 +151,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         notes=(
             *offered.candidates.notes,
             *offered.warnings(touches),
-            *_blocked(plan, choice.order),
+            *blocked_ways(plan, choice.order),
             limiting(offered.prior.updated(rows), offered.zone),
         ),
     )
@@ -171,7 +171,8 @@ def indices(offered: CandidateSet, rows: Float[np.ndarray, "touches unknowns"]) 
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
-def _blocked(made: Plan, order: Order) -> tuple[str, ...]:
+def blocked_ways(made: Plan, order: Order) -> tuple[str, ...]:
+    """A sentence for each way between touches that is not clear."""
     return tuple(
         f"the straight way from touch {made.ids[i]} to touch {made.ids[i + 1]} is not clear of the jig; "
         "drive around it by hand, or plan with another number of touches"

@@ -42,6 +42,10 @@ class Clock:
         """Skip to a controller time that lies ahead."""
         self._skipped += max(0.0, to - self.now())
 
+    def go_back(self, to: float) -> None:
+        """Undo the time since a moment: a real arm need not work out what it meets."""
+        self._skipped -= self.now() - to
+
     def wait(self, until: float) -> float:
         """The host's time [s] from now to a controller time."""
         return max(0.0, (until - self.now()) / self.speed)
@@ -181,7 +185,10 @@ class VirtualCell:
         self.heard.append(data)
         for part in self.faults.lines(data, "in"):
             if not self._deaf:
-                self._say(self.controller.feed(part, self.clock.now()))
+                now = self.clock.now()
+                lines = self.controller.feed(part, now)
+                self.clock.go_back(now)
+                self._say(lines)
             self._noted()
 
     def _say(self, lines: list[bytes]) -> None:

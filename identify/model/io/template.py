@@ -15,7 +15,7 @@ CELL = """\
 robot: {robot}
 jig: {jig}
 
-# Where the robot stands: its base frame seen from the jig frame, Trans(x, y, z) Rz Ry Rx. A tape measure is enough.
+# Where the robot stands: its base frame seen from the jig frame, Trans(x, y, z) Rz Ry Rx; as near as priors says.
 {base_note}{base}
 
 # What it carries: the tip of the wire seen from the flange. The tool frame on the pendant will do.
