@@ -67,8 +67,8 @@ class Priors:
 # Slamani, Nubiola and Bonev (2012), Assessment of the positioning performance of an industrial robot, find an ABB
 # IRB 1600 before calibration off by up to 0.65 mm along lines and 2.8 mrad: lengths and angles of this size give that.
 CATALOGUE = 0.5, 0.05 * DEG  # [mm], [rad], 1 sigma of the links of an industrial arm that is built by its drawing
-# Base and tool as such an arm's own pendant teaches them: the jig as a user frame of three points, the tip of the wire by
-# four postures at one point. Points are met to 1 or 2 mm by eye, over edges of 300 mm that is a third of a degree.
+# Base and tool as the pendant of such an arm teaches them: the jig as a user frame of three points, the tip of the wire
+# by four postures at one point. Points are met to 1 or 2 mm by eye: over edges of 300 mm that is a third of a degree.
 TAUGHT_BASE, TAUGHT_TOOL = (3.0, 0.5 * DEG), (3.0, 1 * DEG)  # [mm], [rad], 1 sigma
 
 
