@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LONGEST = 600  # [s], of a shell block
-README = Path(__file__).parents[2] / "README.md"
+ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
+REAL_ROBOT = ROOT / "studies" / "examples" / "irb120.md"
 
 
 @dataclass(frozen=True)
@@ -22,10 +24,10 @@ class Block:
     heading: str
 
 
-def blocks():
+def blocks(page=README):
     found, text = [], []
     heading, comment, inside = "", "", None
-    for line in README.read_text(encoding="utf-8").splitlines():
+    for line in page.read_text(encoding="utf-8").splitlines():
         if inside is not None:
             if line == "```":
                 found.append(Block(inside, "\n".join(text), comment, heading))
@@ -41,8 +43,8 @@ def blocks():
     return found
 
 
-def block(comment):
-    return next(b for b in blocks() if b.comment == comment)
+def block(comment, page=README):
+    return next(b for b in blocks(page) if b.comment == comment)
 
 
 def activated():
