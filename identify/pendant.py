@@ -185,8 +185,8 @@ def _misfit(
     point = pendant.point * (1000.0 if reading.metres else 1.0)
     way = point - p.reshape(ways, poses, 3)
     shift = way.mean(axis=1) if reading.shifted else np.zeros((ways, 3))
-    shown = _shown(pendant.angles, reading.order)
-    cosine = (np.einsum("wpij,pij->wp", R.reshape(ways, poses, 3, 3), shown) - 1) / 2
+    display = _shown(pendant.angles, reading.order)
+    cosine = (np.einsum("wpij,pij->wp", R.reshape(ways, poses, 3, 3), display) - 1) / 2
     angle = np.arccos(np.clip(cosine, -1, 1))
     return np.linalg.norm(way - shift[:, None], axis=2).max(axis=1), angle.max(axis=1), shift
 

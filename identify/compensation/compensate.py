@@ -83,32 +83,39 @@ def compensate(
     there = wanted_frame(calibration, frame, fixed_to) @ transform(poses)
     command_frame = jig_T_frame(nominal_theta, frame)
     before, why = _before(calibration, command_frame @ transform(poses), near)
-    found = _bring(calibration, there, before, ~np.isnan(before[:, 0]), free_roll)
+    reached = _bring(calibration, there, before, ~np.isnan(before[:, 0]), free_roll)
     limit = allowed_change(calibration, fixed_to) if max_change is None else max_change
-    for i, reason in reasons(cell.kinematics, nominal_theta, before, found, limit):
+    for i, reason in reasons(cell.kinematics, nominal_theta, before, reached, limit):
         why[i] = reason
-    kept = np.array([bool(reason) for reason in why], dtype=bool)
-    q = np.where(kept[:, None], before, found.q)
+    unchanged = np.array([bool(reason) for reason in why], dtype=bool)
+    q = np.where(unchanged[:, None], before, reached.q)
     command = poses.copy()
-    command[~kept] = pose(inverse(command_frame) @ tip_transform(calibration, found.q[~kept], nominal_theta))
-    return Compensation(before, q, command, found.residual, tuple(why))
+    command[~unchanged] = pose(
+        inverse(command_frame) @ tip_transform(calibration, reached.q[~unchanged], nominal_theta)
+    )
+    return Compensation(before, q, command, reached.residual, tuple(why))
 
 
 def remarks(calibration: Calibration, fixed_to: Hold) -> list[str]:
     """What has to be known before corrected poses in the base or in user frames are used."""
     cell = calibration.cell
     opened = [part for part, frame in (("base", cell.base), ("tool", cell.tool)) if frame is None]
-    said = [f"the cell leaves the {' and the '.join(opened)} open: enter what was identified first"] if opened else []
+    sentences = (
+        [f"the cell leaves the {' and the '.join(opened)} open: enter what was identified first"] if opened else []
+    )
     if cell.base is not None and fixed_to == "jig":
         apart = inverse(transform(cell.theta[:6])) @ transform(calibration.theta[:6])
-        moved, turned = float(np.linalg.norm(apart[:3, 3])), np.degrees(np.arccos(min(1.0, (np.trace(apart) - 2) / 2)))
-        if moved > MOVED or turned > MOVED:
-            said.append(
-                f"the base was found {moved:.2f} mm and {turned:.2f} degrees from where the cell file puts it, and "
+        distance, angle = (
+            float(np.linalg.norm(apart[:3, 3])),
+            np.degrees(np.arccos(min(1.0, (np.trace(apart) - 2) / 2))),
+        )
+        if distance > MOVED or angle > MOVED:
+            sentences.append(
+                f"the base was found {distance:.2f} mm and {angle:.2f} degrees from where the cell file puts it, and "
                 "points are taken to stand with the jig; if they stand with the robot, which taught their frames, say "
                 "fixed to robot"
             )
-    return said
+    return sentences
 
 
 def jig_T_frame(theta: Float[np.ndarray, " parameters"], frame: Place) -> Float[np.ndarray, "4 4"]:
@@ -141,10 +148,10 @@ def allowed_change(calibration: Calibration, fixed_to: Hold = "jig") -> float:
     """
     robot, theta = calibration.cell.robot, believed(calibration)
     q = np.random.default_rng(0).uniform(robot.lower, robot.upper, (SAMPLES, len(robot.joints)))
-    moved = wanted_frame(calibration, "base", fixed_to) @ inverse(jig_T_frame(theta, "base"))
-    T = moved @ tip_transform(calibration, q, theta)
-    found = reach(calibration.cell.kinematics, calibration.theta, T[:, :3, 3], T[:, :3, :3], q)
-    usual = float(np.median(joint_change(robot, q, found.q).max(axis=1)))
+    shift = wanted_frame(calibration, "base", fixed_to) @ inverse(jig_T_frame(theta, "base"))
+    T = shift @ tip_transform(calibration, q, theta)
+    reached = reach(calibration.cell.kinematics, calibration.theta, T[:, :3, 3], T[:, :3, :3], q)
+    usual = float(np.median(joint_change(robot, q, reached.q).max(axis=1)))
     return max(CHANGE, USUAL * usual)
 
 
@@ -173,8 +180,8 @@ def _bring(
     inside = np.zeros(len(T), dtype=bool)
     if usable.any():
         p, R = T[usable, :3, 3], T[usable, :3, :3]
-        found = reach(kinematics, theta, p, R, before[usable], free_roll=free_roll)
-        q[usable], residual[usable], inside[usable] = found.q, found.residual, found.within_limits
+        reached = reach(kinematics, theta, p, R, before[usable], free_roll=free_roll)
+        q[usable], residual[usable], inside[usable] = reached.q, reached.residual, reached.within_limits
     # an arm without a joint to spare has no other solution near: of 540 that were not reached Ipopt found 28, all more
     # than 18 degrees away
     spare = len(calibration.cell.robot.joints) > (5 if free_roll else 6)

@@ -35,14 +35,14 @@ def fitted(
     names = calibration.cell.robot.parameters
     index = [names.index(name) for name in free]
     q, scale = sample(calibration) if q is None else q, calibration.cell.scale[index]
-    wanted, theta = _points(calibration, q, calibration.theta[None], levers), start.copy()
+    targets, theta = _points(calibration, q, calibration.theta[None], levers), start.copy()
     for _ in range(ROUNDS):
         steps = np.zeros((2 * len(index) + 1, len(theta)))
         steps[np.arange(len(index)), index] = STEP * scale
         steps[len(index) + np.arange(len(index)), index] = -STEP * scale
         tips = _points(calibration, q, theta + steps, levers)
         J = (tips[: len(index)] - tips[len(index) : -1]).T / (2 * STEP)
-        move = np.linalg.lstsq(J, (wanted - tips[-1:])[0], rcond=WEAK)[0]
+        move = np.linalg.lstsq(J, (targets - tips[-1:])[0], rcond=WEAK)[0]
         theta[index] += move * scale
         if np.abs(move).max() < ENOUGH:
             break
@@ -58,8 +58,8 @@ def geometric(calibration: Calibration) -> Calibration:
     start = calibration.theta.copy()
     start[[name in beyond for name in robot.parameters]] = 0.0
     theta = fitted(calibration, [name for name in robot.parameters if name not in beyond], start)
-    kept = np.array([name not in beyond for name in robot.parameters])
-    told = np.array([name not in beyond for name in calibration.estimated])
+    geometric = np.array([name not in beyond for name in robot.parameters])
+    free = np.array([name not in beyond for name in calibration.estimated])
     bare = replace(robot, errors=(), error_values=())
     return replace(
         calibration,
@@ -69,10 +69,10 @@ def geometric(calibration: Calibration) -> Calibration:
             fixed=calibration.cell.fixed - beyond,
             bounds={k: v for k, v in calibration.cell.bounds.items() if k not in beyond},
         ),
-        theta=theta[kept],
-        start=calibration.start[kept],
+        theta=theta[geometric],
+        start=calibration.start[geometric],
         estimated=tuple(name for name in calibration.estimated if name not in beyond),
-        covariance=calibration.covariance[np.ix_(told, told)],
+        covariance=calibration.covariance[np.ix_(free, free)],
         combinations={k: v for k, v in calibration.combinations.items() if k not in beyond},
     )
 

@@ -27,28 +27,28 @@ def solve(
     solver = _solver(robot, free_roll)
     span = np.where(robot.prismatic, LEVER, 1.0)
     lower, upper = robot.lower / span, robot.upper / span
-    found = np.empty_like(near)
+    solution = np.empty_like(near)
     for i, start in enumerate(near):
-        given = np.concatenate([theta, position[i], rotation[i].ravel(), start / span])
-        found[i] = solver(x0=start / span, p=given, lbx=lower, ubx=upper, lbg=0, ubg=0)["x"].full().ravel() * span
-    return found
+        values = np.concatenate([theta, position[i], rotation[i].ravel(), start / span])
+        solution[i] = solver(x0=start / span, p=values, lbx=lower, ubx=upper, lbg=0, ubg=0)["x"].full().ravel() * span
+    return solution
 
 
 @lru_cache(maxsize=8)
 def _solver(robot: Robot, free_roll: bool) -> ca.Function:
     """solver:(x0[N],p)->(x[N]): the shortest way to the pose; a sliding joint counts LEVER millimetres as a radian."""
     q, theta = symbols(robot)
-    x, position, wanted = ca.SX.sym("x", q.numel()), ca.SX.sym("position", 3), ca.SX.sym("rotation", 9)
+    x, position, target = ca.SX.sym("x", q.numel()), ca.SX.sym("position", 3), ca.SX.sym("rotation", 9)
     near = ca.SX.sym("near", q.numel())
     span = ca.SX([LEVER if prismatic else 1.0 for prismatic in robot.prismatic])
     T = ca.substitute(jig_T_tip(robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]])), q, x * span)
-    R = T[:, :3].T @ ca.reshape(wanted, 3, 3).T
+    R = T[:, :3].T @ ca.reshape(target, 3, 3).T
     # which half turn is meant is settled by the start, which is near
     turn = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
     turn = ca.vertcat(R[0, 2], R[1, 2]) if free_roll else turn
     problem: dict[str, Any] = {
         "x": x,
-        "p": ca.vertcat(theta, position, wanted, near),
+        "p": ca.vertcat(theta, position, target, near),
         "f": ca.sumsqr(x - near),
         "g": ca.vertcat((T[:, 3] - position) / LEVER, turn),
     }

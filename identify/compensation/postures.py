@@ -55,9 +55,9 @@ class _Tries:
             return
         p, R = self.T[these, :3, 3], self.T[these, :3, :3]
         begin = np.broadcast_to(q, (len(these), self.q.shape[1]))
-        found = reach(self.kinematics, self.theta, p, R, begin, iterations=ITERATIONS)
-        got = found.reached()
-        self.q[these[got]], self.reached[these[got]] = found.q[got], True
+        reached = reach(self.kinematics, self.theta, p, R, begin, iterations=ITERATIONS)
+        got = reached.reached()
+        self.q[these[got]], self.reached[these[got]] = reached.q[got], True
 
     def start_from_neighbours(self, first: np.ndarray) -> bool:
         """Try the open poses from the nearest pose that has a solution; whether that brought something new."""

@@ -18,7 +18,7 @@ def reasons(
     kinematics: Kinematics,
     theta: Float[np.ndarray, " parameters"],
     before: Float[np.ndarray, "targets joints"],
-    found: Reach,
+    reached: Reach,
     limit: float,
 ) -> Iterator[tuple[int, str]]:
     """Targets whose correction is not to be trusted, and why; `limit` is the largest change of a joint [rad].
@@ -26,19 +26,19 @@ def reasons(
     Targets that had no solution before are not judged.
     """
     robot = kinematics.robot
-    change = joint_change(robot, before, found.q)
-    around = turned_around(robot, before, found.q)
-    good = (found.residual < RESIDUAL) & found.within_limits & ~around.any(axis=1) & (change.max(axis=1) < limit)
-    left = np.flatnonzero(~good & ~np.isnan(before[:, 0]))
-    for i, singular in zip(left.tolist(), smallest(kinematics, theta, before[left]) < SINGULAR, strict=True):
-        if not found.residual[i] < RESIDUAL:
+    change = joint_change(robot, before, reached.q)
+    around = turned_around(robot, before, reached.q)
+    good = (reached.residual < RESIDUAL) & reached.within_limits & ~around.any(axis=1) & (change.max(axis=1) < limit)
+    unreached = np.flatnonzero(~good & ~np.isnan(before[:, 0]))
+    for i, singular in zip(unreached.tolist(), smallest(kinematics, theta, before[unreached]) < SINGULAR, strict=True):
+        if not reached.residual[i] < RESIDUAL:
             what = "near a singularity" if singular else "out of reach"
-            yield i, f"{what}: the identified robot comes no nearer than {found.residual[i]:.3g} mm"
+            yield i, f"{what}: the identified robot comes no nearer than {reached.residual[i]:.3g} mm"
         elif around[i].any():
             name = robot.joints[int(np.argmax(around[i]))].name
             yield i, f"joint limit: {name} would pass it and have to turn all the way back"
-        elif not found.within_limits[i]:
-            yield i, f"joint limit: {_beyond(robot, found.q[i])}"
+        elif not reached.within_limits[i]:
+            yield i, f"joint limit: {_beyond(robot, reached.q[i])}"
         else:
             what = "near a singularity" if singular else "large joint change"
             yield i, f"{what}: {_moved(robot, change[i], limit)}"

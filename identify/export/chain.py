@@ -52,10 +52,10 @@ def origins(
     return [chain.base_T_first @ starts[0], *between, ends[-1] @ chain.links[-1] @ chain.last_T_flange]
 
 
-def slack_of(chain: Segments, given: Sequence[Transform], turns: Sequence[Transform]) -> list[Transform]:
+def slack_of(chain: Segments, link_frames: Sequence[Transform], turns: Sequence[Transform]) -> list[Transform]:
     """The slack with which `origins` of a chain are the given ones."""
-    S = [inverse(chain.base_T_first) @ given[0] @ turns[0]]
-    for B, origin, before, after in zip(chain.links[:-1], given[1:], turns[:-1], turns[1:], strict=False):
+    S = [inverse(chain.base_T_first) @ link_frames[0] @ turns[0]]
+    for B, origin, before, after in zip(chain.links[:-1], link_frames[1:], turns[:-1], turns[1:], strict=False):
         S.append(inverse(B) @ S[-1] @ inverse(before) @ origin @ after)
     return S
 
@@ -73,12 +73,12 @@ def turn_to(axis: Float[np.ndarray, " 3"]) -> Transform:
 
 
 def forward(
-    given: Sequence[Transform], prismatic: Sequence[bool], q: Float[np.ndarray, "poses joints"]
+    link_frames: Sequence[Transform], prismatic: Sequence[bool], q: Float[np.ndarray, "poses joints"]
 ) -> Float[np.ndarray, "poses 4 4"]:
     """base_T_flange of origins with motions along or about z between them [rad, mm]."""
     T = np.tile(np.eye(4), (len(q), 1, 1))
-    for origin, slides, value in zip(given, prismatic, q.T, strict=False):
+    for origin, slides, value in zip(link_frames, prismatic, q.T, strict=False):
         motion = np.zeros((len(q), 6))
         motion[:, 2 if slides else 3] = value
         T = T @ origin @ transform(motion)
-    return T @ given[-1]
+    return T @ link_frames[-1]

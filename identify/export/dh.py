@@ -47,8 +47,8 @@ def _far(
     robot: Robot, nominal: Float[np.ndarray, " parameters"], theta: Float[np.ndarray, " parameters"]
 ) -> tuple[str, ...]:
     """A word about common normals that run away between nearly parallel axes."""
-    moved = robot.link_values(theta - nominal)[:, 1]
-    far = [f"{joint.name} {d:+.0f} mm" for joint, d in zip(robot.joints, moved, strict=True) if abs(d) > FAR]
+    shift = robot.link_values(theta - nominal)[:, 1]
+    far = [f"{joint.name} {d:+.0f} mm" for joint, d in zip(robot.joints, shift, strict=True) if abs(d) > FAR]
     why = "nearly parallel axes have their common normal far away, and this format knows no other"
     return (f"d moved far: {', '.join(far)}; {why}",) if far else ()
 
@@ -63,8 +63,8 @@ def read(files: Mapping[str, str], calibration: Calibration) -> Forward:
     zero = np.zeros(len(links))
     theta, d, a, alpha = links.T
     turned = transform(np.stack([zero, zero, zero, theta, zero, zero], axis=1))
-    moved = transform(np.stack([a, zero, d, zero, zero, alpha], axis=1))
-    chain = Segments(first, tuple(turned @ moved), last, prismatic)
+    step = transform(np.stack([a, zero, d, zero, zero, alpha], axis=1))
+    chain = Segments(first, tuple(turned @ step), last, prismatic)
 
     def tip(q: Float[np.ndarray, "poses joints"]) -> Float[np.ndarray, "poses 4 4"]:
         return forward(origins(chain), prismatic, q)

@@ -22,11 +22,13 @@ def export(calibration: Calibration, name: str, original: Original | None = None
     """The texts of a format, and what the format costs; `original` is the URDF whose frames are kept."""
     if name not in FORMATS:
         raise InputError(f"format '{name}' is not known; choose one of {', '.join(FORMATS)}")
-    made = FORMATS[name]
-    written = calibration if made.beyond else geometric(calibration)
-    files, notes = made.write(written, original)
-    found = deviation(calibration, made.read(files, written))
-    return Exported(files, found, (*_lost(calibration, written, name, found), *_counted(calibration, name), *notes))
+    entry = FORMATS[name]
+    exportable = calibration if entry.beyond else geometric(calibration)
+    files, notes = entry.write(exportable, original)
+    distance = deviation(calibration, entry.read(files, exportable))
+    return Exported(
+        files, distance, (*_lost(calibration, exportable, name, distance), *_counted(calibration, name), *notes)
+    )
 
 
 def _counted(calibration: Calibration, name: str) -> tuple[str, ...]:
@@ -36,18 +38,18 @@ def _counted(calibration: Calibration, name: str) -> tuple[str, ...]:
     return (f"{name} counts the joints as the model does, not as the controller (joints: of the cell)",)
 
 
-def _lost(calibration: Calibration, written: Calibration, name: str, found: Deviation) -> tuple[str, ...]:
+def _lost(calibration: Calibration, exportable: Calibration, name: str, distance: Deviation) -> tuple[str, ...]:
     """A word about what a format cannot hold, and what that costs."""
-    if written is calibration:
+    if exportable is calibration:
         return ()
     lost = ", ".join(calibration.cell.robot.errors)
     return (
-        f"{name} holds geometry only: without {lost}, the tip is off by {found.mean_mm:.3f} mm on the average, "
-        f"{found.max_mm:.3f} mm at most; take json, or correct programs with touchcal fix",
+        f"{name} holds geometry only: without {lost}, the tip is off by {distance.mean_mm:.3f} mm on the average, "
+        f"{distance.max_mm:.3f} mm at most; take json, or correct programs with touchcal fix",
     )
 
 
 def ends_of(calibration: Calibration) -> tuple[str, str] | None:
     """The links of the URDF that the cell's robot came from, where it came from one."""
-    found = re.search(r"from '([^']*)' to '([^']*)'$", calibration.cell.robot.source)
-    return (found[1], found[2]) if found else None
+    ends = re.search(r"from '([^']*)' to '([^']*)'$", calibration.cell.robot.source)
+    return (ends[1], ends[2]) if ends else None

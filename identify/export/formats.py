@@ -54,9 +54,9 @@ class Format:
 def deviation(calibration: Calibration, forward: Forward) -> Deviation:
     """How far tips are from where the identified robot has them, over poses where accuracy counts."""
     q = sample(calibration)
-    true, found = tip_transform(calibration, q, calibration.theta), forward(q)
-    way = np.linalg.norm(true[:, :3, 3] - found[:, :3, 3], axis=1)
-    R = np.swapaxes(true[:, :3, :3], 1, 2) @ found[:, :3, :3]
+    true, exported = tip_transform(calibration, q, calibration.theta), forward(q)
+    way = np.linalg.norm(true[:, :3, 3] - exported[:, :3, 3], axis=1)
+    R = np.swapaxes(true[:, :3, :3], 1, 2) @ exported[:, :3, :3]
     v = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
     turn = np.arctan2(np.linalg.norm(v, axis=1), (np.trace(R, axis1=1, axis2=2) - 1) / 2)
     return Deviation(float(way.mean()), float(way.max()), float(np.degrees(turn.max())))

@@ -33,11 +33,13 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
         "",
         HEADING.format("joint", "offset", "shown at true zero"),
     ]
-    zero, shown = cell.robot.to_controller(np.zeros(len(offsets))), cell.robot.to_controller(0.0 - offsets)
+    zero, display = cell.robot.to_controller(np.zeros(len(offsets))), cell.robot.to_controller(0.0 - offsets)
     for i, (joint, name) in enumerate(zip(cell.robot.joints, zeros, strict=True)):
         word = "mm" if joint.prismatic else "deg"
         carried = "" if name in free else "   carried by base or tool"
-        lines.append(HEADING.format(joint.name, f"{zero[i] - shown[i]:.6f} {word}", f"{shown[i]:.6f} {word}") + carried)
+        lines.append(
+            HEADING.format(joint.name, f"{zero[i] - display[i]:.6f} {word}", f"{display[i]:.6f} {word}") + carried
+        )
     there = "zero" if not cell.robot.counting.differs else ", ".join(f"{value:g}" for value in zero)
     lines += [
         "",
@@ -50,12 +52,12 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
             f"{title}: " + ", ".join(f"{k} {v:.6f}" for k, v in zip(POSE_KEYS, values / POSE_UNIT, strict=True))
         )
     nothing = deviation(calibration, lambda q: tip_transform(calibration, q, start))
-    left = deviation(calibration, lambda q: tip_transform(calibration, q, theta))
+    remainder = deviation(calibration, lambda q: tip_transform(calibration, q, theta))
     lines += [
         "",
         "Tip error against the identified robot, mean / max:",
         f"  nothing done {nothing.mean_mm:.3f} / {nothing.max_mm:.3f} mm",
-        f"  these zeros and frames {left.mean_mm:.3f} / {left.max_mm:.3f} mm",
+        f"  these zeros and frames {remainder.mean_mm:.3f} / {remainder.max_mm:.3f} mm",
         "",
     ]
     return {".txt": "\n".join(lines)}, ()

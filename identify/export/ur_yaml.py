@@ -29,29 +29,31 @@ def write(calibration: Calibration, original: Original | None) -> tuple[Mapping[
     robot = calibration.cell.robot
     if len(robot.joints) != 6 or any(robot.prismatic):
         raise InputError(f"ur-yaml is for six turning joints; robot '{robot.name}' has others: take urdf or json")
-    found = _moved(origins(segments(robot, calibration.theta)))
+    frames = _moved(origins(segments(robot, calibration.theta)))
     if original is not None:
         _, joints, own = corrected_origins(calibration, original)
         if any(np.abs(joint.axis - [0, 0, 1]).max() > LOST for joint in joints[:6]):
             raise InputError(f"{original.path}: ur-yaml needs joints that turn about z (axis 0 0 1); leave --urdf out")
-        found = own
+        frames = own
     lines = ["kinematics:"]
-    for name, T in zip(NAMES, found[:6], strict=True):
+    for name, T in zip(NAMES, frames[:6], strict=True):
         x, y, z, rz, ry, rx = (float(v) for v in pose(T))
         values = (x / METRE, y / METRE, z / METRE, rx, ry, rz)
         lines += [f"  {name}:", *(f"    {key}: {value + 0.0!r}" for key, value in zip(KEYS, values, strict=True))]
     number = int.from_bytes(hashlib.sha256("\n".join(lines).encode()).digest()[:8], "big")
     notes = (
-        () if _is_one(found[6]) else (f"the flange stands {_said(found[6])} behind the last joint: put it in the tool",)
+        ()
+        if _is_one(frames[6])
+        else (f"the flange stands {_said(frames[6])} behind the last joint: put it in the tool",)
     )
     return {".yaml": "\n".join([*lines, f"  hash: calib_{number}", ""])}, notes
 
 
-def _moved(found: list[Transform]) -> list[Transform]:
+def _moved(frames: list[Transform]) -> list[Transform]:
     """The same chain, the last frame moved along and about its axis to stand as near to the flange as may be."""
-    end = pose(found[-1])
+    end = pose(frames[-1])
     carried = transform(np.array([0, 0, end[2], end[3], 0, 0]))
-    return [*found[:-2], found[-2] @ carried, np.linalg.solve(carried, found[-1])]
+    return [*frames[:-2], frames[-2] @ carried, np.linalg.solve(carried, frames[-1])]
 
 
 def _is_one(T: Transform) -> bool:
@@ -66,8 +68,8 @@ def _said(T: Transform) -> str:
 
 def read(files: Mapping[str, str], calibration: Calibration) -> Forward:
     """jig_T_tip by the six origins, with the base and the tool of the calibration, which the format does not hold."""
-    found = YAML(typ="safe").load(files[".yaml"])["kinematics"]
-    order = [float(found[name][key]) for name in NAMES for key in KEYS]
+    entries = YAML(typ="safe").load(files[".yaml"])["kinematics"]
+    order = [float(entries[name][key]) for name in NAMES for key in KEYS]
     rows = np.array(order).reshape(6, 6)[:, [0, 1, 2, 5, 4, 3]] * np.array([METRE] * 3 + [1.0] * 3)
     base, tool = transform(calibration.theta[:6]), transform(calibration.theta[-6:])
 

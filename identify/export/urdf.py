@@ -62,26 +62,26 @@ def corrected_origins(calibration: Calibration, original: Original) -> tuple[Urd
     start = _product([inverse(joint.origin) for joint in above])
     moving = [i for i, joint in enumerate(chain) if joint.moves]
     edges = [-1, *moving]
-    given = [
+    frames = [
         _product([joint.origin for joint in chain[a + 1 : b + 1]]) for a, b in zip(edges[:-1], moving, strict=True)
     ]
-    given[0] = start @ given[0]
+    frames[0] = start @ frames[0]
     turns = [turn_to(chain[i].axis) for i in moving]
-    slack = slack_of(segments(robot, calibration.cell.theta), given, turns)
-    wanted = origins(segments(robot, calibration.theta), slack, turns)
-    wanted[0] = inverse(start) @ wanted[0]
+    slack = slack_of(segments(robot, calibration.cell.theta), frames, turns)
+    target_origins = origins(segments(robot, calibration.theta), slack, turns)
+    target_origins[0] = inverse(start) @ target_origins[0]
     # of the fixed joints before a moving one none changes: the moving one takes it all
     before = [_product([joint.origin for joint in chain[a + 1 : b]]) for a, b in zip(edges[:-1], moving, strict=True)]
-    own = [inverse(fixed) @ origin for fixed, origin in zip(before, wanted[:-1], strict=True)]
-    return urdf, [chain[i] for i in moving] + chain[moving[-1] + 1 :], [*own, wanted[-1]]
+    own = [inverse(fixed) @ origin for fixed, origin in zip(before, target_origins[:-1], strict=True)]
+    return urdf, [chain[i] for i in moving] + chain[moving[-1] + 1 :], [*own, target_origins[-1]]
 
 
 def _corrected(calibration: Calibration, original: Original) -> str:
     """The text of a URDF with its origins corrected, everything else as it was."""
-    urdf, joints, found = corrected_origins(calibration, original)
+    urdf, joints, new_origins = corrected_origins(calibration, original)
     moving, behind = len(calibration.cell.robot.joints), joints[len(calibration.cell.robot.joints) :]
-    changes = dict(zip(joints[:moving], found[:moving], strict=True))
-    rest = found[-1]  # from the last moving joint to the flange
+    changes = dict(zip(joints[:moving], new_origins[:moving], strict=True))
+    rest = new_origins[-1]  # from the last moving joint to the flange
     if behind:
         changes[behind[0]] = rest @ inverse(_product([joint.origin for joint in behind[1:]]))
         rest = np.eye(4)
@@ -137,10 +137,10 @@ def origin_tag(T: Transform) -> str:
 def _plain(calibration: Calibration) -> str:
     """A URDF of nothing but links and joints."""
     robot = calibration.cell.robot
-    found = origins(segments(robot, calibration.theta))
+    frames = origins(segments(robot, calibration.theta))
     lines = ['<?xml version="1.0"?>', f'<robot name="{robot.name}">', '  <link name="base_link"/>']
     parent = "base_link"
-    for i, (joint, T) in enumerate(zip(robot.joints, found[:-1], strict=True), 1):
+    for i, (joint, T) in enumerate(zip(robot.joints, frames[:-1], strict=True), 1):
         unit = METRE if joint.prismatic else 1.0
         limit = f'lower="{joint.lower / unit!r}" upper="{joint.upper / unit!r}" velocity="{joint.speed / unit!r}"'
         lines += [
@@ -154,7 +154,7 @@ def _plain(calibration: Calibration) -> str:
             "  </joint>",
         ]
         parent = f"link_{i}"
-    flange = _fixed("flange", parent, found[-1])
+    flange = _fixed("flange", parent, frames[-1])
     jig = _fixed(JIG, "base_link", inverse(transform(calibration.theta[:6])))
     return (
         "\n".join(lines) + "\n" + flange + jig + _fixed(TIP, "flange", transform(calibration.theta[-6:])) + "</robot>\n"

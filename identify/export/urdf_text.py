@@ -69,11 +69,11 @@ class UrdfText:
         return up, down[::-1]
 
     def _climb(self, link: str) -> list[Joint]:
-        above, found = {joint.child: joint for joint in self.joints}, list[Joint]()
+        above, joints = {joint.child: joint for joint in self.joints}, list[Joint]()
         while link in above:
-            found.append(above[link])
+            joints.append(above[link])
             link = above[link].parent
-        return found
+        return joints
 
     def changed(self, origins: Mapping[Joint, Float[np.ndarray, "4 4"]]) -> str:
         """The text with other origins; an origin that says the same already keeps its text."""
@@ -91,14 +91,14 @@ def _numbers(text: str) -> Float[np.ndarray, " 3"]:
 def _changed(content: bytes, joint: Joint, T: Float[np.ndarray, "4 4"]) -> bytes:
     """The content with the origin of one joint replaced, or put in where there is none."""
     x, y, z, rz, ry, rx = (float(v) for v in pose(T))
-    said = {"xyz": (x / METRE, y / METRE, z / METRE), "rpy": (rx, ry, rz)}
+    attributes = {"xyz": (x / METRE, y / METRE, z / METRE), "rpy": (rx, ry, rz)}
     tag = TAG.match(content, joint.start if joint.origin_start is None else joint.origin_start)
     assert tag is not None  # the parser has found it there
     if joint.origin_start is None:
-        new = " ".join(f'{key}="{_text(values)}"' for key, values in said.items())
+        new = " ".join(f'{key}="{_text(values)}"' for key, values in attributes.items())
         return content[: tag.end()] + f"<origin {new}/>".encode() + content[tag.end() :]
     element = tag[0]
-    for key, values in said.items():
+    for key, values in attributes.items():
         element = _attribute(element, key.encode(), _text(values).encode())
     return content[: tag.start()] + element + content[tag.end() :]
 
@@ -109,9 +109,9 @@ def _text(values: tuple[float, float, float]) -> str:
 
 def _attribute(tag: bytes, key: bytes, value: bytes) -> bytes:
     """A tag with one attribute replaced or added."""
-    found = re.search(rb"(?<=\s)" + key + rb"""\s*=\s*(?:"[^"]*"|'[^']*')""", tag)
+    match = re.search(rb"(?<=\s)" + key + rb"""\s*=\s*(?:"[^"]*"|'[^']*')""", tag)
     new = key + b'="' + value + b'"'
-    if found:
-        return tag[: found.start()] + new + tag[found.end() :]
+    if match:
+        return tag[: match.start()] + new + tag[match.end() :]
     end = len(tag) - (2 if tag.endswith(b"/>") else 1)
     return tag[:end].rstrip() + b" " + new + tag[end:]

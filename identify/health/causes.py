@@ -38,19 +38,19 @@ def causes(calibration: Calibration) -> list[Cause]:
     zeros = zero_names(calibration)
     tool, base = [names.index(f"tool.{axis}") for axis in "xyz"], list(range(6))
     wire = unit[:, tool] @ rotation(theta[-3], theta[-2], theta[-1])[:, 2:]
-    found = [
+    causes = [
         Cause("tool", "tool", unit[:, tool], np.full(3, KNOCK)),
         Cause("wire", "wire", wire, np.array([KNOCK])),
         *(Cause(name, "zero", unit[:, [names.index(name)]], np.array([size])) for name, size in zeros.items()),
         Cause("base", "base", unit[:, base], np.array([KNOCK] * 3 + [TILT] * 3)),
     ]
     parts = {"base", "tool"}
-    found += [
+    causes += [
         Cause(name, "parameter", unit[:, [i]], SHARE * calibration.cell.scale[[i]], SELDOM)
         for i, name in zip(calibration.index, calibration.estimated, strict=True)
         if name not in zeros and name.split(".")[0] not in parts
     ]
-    return found
+    return causes
 
 
 def zero_names(calibration: Calibration) -> dict[str, float]:

@@ -131,15 +131,17 @@ class _Check:
     @classmethod
     def of(cls, calibration: Calibration, touches: Touches, unseen: bool = True) -> "_Check":
         cell = calibration.cell
-        found = rows(cell.wire, [touches], cell.robot.temperature)
-        if len(found) < LEAST:
-            raise InputError(f"{len(found)} touches are too few to judge a robot by; make {LEAST} at least, better 12")
+        equations = rows(cell.wire, [touches], cell.robot.temperature)
+        if len(equations) < LEAST:
+            raise InputError(
+                f"{len(equations)} touches are too few to judge a robot by; make {LEAST} at least, better 12"
+            )
         if unseen:
-            require_unseen(calibration, found, "they cannot tell a change; touch again")
-        _, J = measurement_model(cell.robot).linearize(calibration.theta, found)
-        r, known = predicted(calibration, found)[0], posterior(calibration)
-        B = found.sigma[:, None] * known.root(known.unknowns.rows(found, calibration.theta))
-        return cls(calibration, touches.ids, r, J, B @ B.T + np.diag((found.sigma * calibration.noise) ** 2))
+            require_unseen(calibration, equations, "they cannot tell a change; touch again")
+        _, J = measurement_model(cell.robot).linearize(calibration.theta, equations)
+        r, prior = predicted(calibration, equations)[0], posterior(calibration)
+        B = equations.sigma[:, None] * prior.root(prior.unknowns.rows(equations, calibration.theta))
+        return cls(calibration, touches.ids, r, J, B @ B.T + np.diag((equations.sigma * calibration.noise) ** 2))
 
     @cached_property
     def W(self) -> Float[np.ndarray, "touches touches"]:
@@ -180,8 +182,8 @@ class _Check:
         from scipy.special import chdtrc
 
         Q = next(fit.Q for fit in [*self.fits, *self.spoiled] if fit.cause.name == finding.cause.name)
-        left = self.u - Q @ (Q.T @ self.u)
-        return float(chdtrc(max(len(left) - Q.shape[1], 1), left @ left))
+        remainder = self.u - Q @ (Q.T @ self.u)
+        return float(chdtrc(max(len(remainder) - Q.shape[1], 1), remainder @ remainder))
 
 
 @lru_cache(maxsize=4)

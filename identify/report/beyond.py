@@ -28,6 +28,6 @@ def chosen(c: Calibration) -> str:
 
 def findings(c: Calibration) -> str:
     """Faults that residuals give away, with the evidence."""
-    told = [f for f in c.findings if f.kind != "outliers"]  # these have a table of their own
-    items = "".join(f"<li><b>{escape(f.kind)}</b>: {escape(f.text)}</li>" for f in told)
-    return f"<ul>{items}</ul>" if told else ""
+    rows = [f for f in c.findings if f.kind != "outliers"]  # these have a table of their own
+    items = "".join(f"<li><b>{escape(f.kind)}</b>: {escape(f.text)}</li>" for f in rows)
+    return f"<ul>{items}</ul>" if rows else ""

@@ -22,18 +22,18 @@ def cell_page(cell: Cell, words: str) -> str:
         q, note = np.clip(np.zeros((1, len(cell.robot.joints))), cell.robot.lower, cell.robot.upper), str(error)
     tip, R = cell.kinematics.tip(q, cell.theta)
     lean = np.degrees(np.arccos(np.clip(-R[:, 2, 2], -1, 1)))
-    said = [
+    remarks = [
         f"tip at ({p[0]:.0f}, {p[1]:.0f}, {p[2]:.0f}) mm, torch {a:.0f} deg from straight down"
         for p, a in zip(tip, lean, strict=True)
     ]
-    shown = scene(cell, None, tuple(f"posture {i + 1}" for i in range(len(q))), ("",) * len(q), q, tuple(said))
+    view_data = scene(cell, None, tuple(f"posture {i + 1}" for i in range(len(q))), ("",) * len(q), q, tuple(remarks))
     tool = "" if cell.tool is None else _torch(cell)
     sections = [
         f'<h1>Cell of {escape(cell.robot.name)}</h1><p class="verdict">{escape(note)} {escape(tool)}</p>',
-        view(shown),
+        view(view_data),
         f"<pre>{escape(words)}</pre>",
     ]
-    return page(f"Cell of {cell.robot.name}", "\n".join(sections), shown)
+    return page(f"Cell of {cell.robot.name}", "\n".join(sections), view_data)
 
 
 def _torch(cell: Cell) -> str:

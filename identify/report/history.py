@@ -65,23 +65,23 @@ def history(c: Calibration, earlier: Sequence[tuple[str, Calibration]]) -> str:
     """Two tables: the tip over the zone since each earlier calibration, and the parameters that changed most."""
     if not earlier:
         return ""
-    found = changes(c, earlier)
+    comparisons = changes(c, earlier)
     tips = [
         [change.name, *(f"{v:.3f}" for v in (change.tip.mean_mm, change.tip.p95_mm, change.tip.max_mm))]
-        for change in found
+        for change in comparisons
         if change.tip is not None
     ]
     unit, robot = c.cell.robot.parameter_unit(), c.cell.robot
-    size = np.max([np.abs(x.parameters) / np.where(x.sigma > 0, x.sigma, np.inf) for x in found], axis=0)
+    size = np.max([np.abs(x.parameters) / np.where(x.sigma > 0, x.sigma, np.inf) for x in comparisons], axis=0)
     first = [i for i in np.argsort(-size, kind="stable")[:LISTED] if size[i] > 0]
     rows = [
-        [f"{robot.parameters[i]} [{robot.units[i]}]", *(_drift(x, i, unit[i], robot.decimals[i]) for x in found)]
+        [f"{robot.parameters[i]} [{robot.units[i]}]", *(_drift(x, i, unit[i], robot.decimals[i]) for x in comparisons)]
         for i in first
     ]
     head = "<h2>Since earlier calibrations</h2>"
     over = table(["tip change over the zone since", "mean, mm", "95 %, mm", "max, mm"], tips) if tips else ""
     note = '<p class="soft">Parameters that changed most, with 95 % intervals; * beyond them.</p>'
-    return head + over + note + table(["parameter", *(f"since {x.name}" for x in found)], rows)
+    return head + over + note + table(["parameter", *(f"since {x.name}" for x in comparisons)], rows)
 
 
 def _drift(change: Change, i: int, unit: float, digits: int) -> str:

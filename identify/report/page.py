@@ -34,14 +34,14 @@ def view(scene: dict[str, Any]) -> str:
         boxes += ' <label><input type="checkbox" id="identified" checked> identified robot</label>'
     if "paths" in scene:
         boxes += ' <label><input type="checkbox" id="paths" checked> paths between touches</label>'
-    left = f" (the first {count}; {scene['left']} more in the file)" if scene["left"] else ""
+    remainder = f" (the first {count}; {scene['left']} more in the file)" if scene["left"] else ""
     return (
         f'{frame}<div class="controls">'
         '<button id="back" type="button">back</button><button id="next" type="button">next</button>'
         f'<input id="step" type="range" min="0" max="{count - 1}" value="0" aria-label="touch">{boxes}</div>'
         '<p id="caption" class="soft" aria-live="polite"></p>'
         '<p class="soft"><span class="screen">Drag or arrow keys turn the view, scroll or + and - zoom, buttons or '
-        f"page keys step through the touches{left}. </span>Green: the weld zone.</p>"
+        f"page keys step through the touches{remainder}. </span>Green: the weld zone.</p>"
     )
 
 

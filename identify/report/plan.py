@@ -15,29 +15,29 @@ from identify.report.scene import scene
 SAMPLES = 9  # of a motion from posture to posture
 
 
-def plan_page(cell: Cell, plan: Plan, told: Mapping[str, Any]) -> str:
+def plan_page(cell: Cell, plan: Plan, summary: Mapping[str, Any]) -> str:
     """A self-contained HTML page of a plan; `told` is what `touchcal plan --json` says of it."""
-    shown = scene(cell, None, plan.ids, plan.face, plan.q, ("",) * len(plan)) | {"paths": _paths(cell, plan)}
-    promise = told["promise"]
+    view_data = scene(cell, None, plan.ids, plan.face, plan.q, ("",) * len(plan)) | {"paths": _paths(cell, plan)}
+    promise = summary["promise"]
     words = (
         f"After these {len(plan)} touches the tip should be off by {promise['rms_mm']:.3f} mm (RMS) in the weld zone, "
-        f"and by less than {promise['p95_mm']:.3f} mm at 95 % of it. They take about {told['minutes']:.0f} minutes."
+        f"and by less than {promise['p95_mm']:.3f} mm at 95 % of it. They take about {summary['minutes']:.0f} minutes."
     )
-    curve = [[f"{point['touches']:.0f}", f"{point['p95_mm']:.3f}"] for point in told["curve"]]
-    sentences = [*(f"Not seen: {text}" for text in told["unseen"]), *(f"Note: {text}" for text in told["notes"])]
+    curve = [[f"{point['touches']:.0f}", f"{point['p95_mm']:.3f}"] for point in summary["curve"]]
+    sentences = [*(f"Not seen: {text}" for text in summary["unseen"]), *(f"Note: {text}" for text in summary["notes"])]
     listed = "".join(f"<li>{escape(text)}</li>" for text in sentences)
     sections = [
         f'<h1>Touches for {escape(cell.robot.name)}</h1><p class="verdict">{escape(words)}</p>',
         f"<ul>{listed}</ul>" if listed else "",
         "<h2>Robot, jig and touches</h2>",
-        view(shown),
+        view(view_data),
         '<div class="row"><section><h2>More or fewer touches like these</h2>',
         table(["touches", "95 % of the tip errors below, mm"], curve),
         "</section><section><h2>Touches on each face</h2>",
         table(["face", "touches"], _counted(plan)),
         "</section></div>",
     ]
-    return page(f"Touches for {cell.robot.name}", "\n".join(sections), shown)
+    return page(f"Touches for {cell.robot.name}", "\n".join(sections), view_data)
 
 
 def _paths(cell: Cell, plan: Plan) -> list[list[list[float]]]:

@@ -38,7 +38,7 @@ def report(
     """
     zone = zone_map(c)
     faces = {name: face for t in measured if isinstance(t, Touches) for name, face in zip(t.ids, t.face, strict=True)}
-    shown = _scene(c, measured)
+    view_data = _scene(c, measured)
     sections = [
         head(c, issue or Issue(), measured),
         _verdict(c, verified),
@@ -46,7 +46,7 @@ def report(
         _accuracy(c, verified),
         "" if zone is None else f"<h2>Expected tip error in the weld zone</h2>{charts.zone_slices(zone)}{ZONE}",
         "<h2>Robot, jig and touches</h2>",
-        view(shown),
+        view(view_data),
         _shared(c),
         history(c, earlier),
         "<h2>Residuals</h2>",
@@ -66,7 +66,7 @@ def report(
         "<h2>Where it comes from</h2>",
         foot(c),
     ]
-    return page(f"Calibration of {c.cell.robot.name}", "\n".join(sections), shown)
+    return page(f"Calibration of {c.cell.robot.name}", "\n".join(sections), view_data)
 
 
 ZONE = """<p class="soft">Torch straight down, best branch of the arm; grey is out of reach. A prediction, not a
@@ -177,14 +177,14 @@ def _parameters(c: Calibration) -> str:
         }
         words = sight.get(status) or _carried(c, name)
         value, start = c.theta[i] / unit[i], c.start[i] / unit[i]
-        known, digits = status == "estimated", c.cell.robot.decimals[i]
+        estimated, digits = status == "estimated", c.cell.robot.decimals[i]
         rows.append(
             [
                 f"{name} [{c.cell.robot.units[i]}]",
                 f"{start:.{digits}f}",
-                f"{value:.{digits}f}" if known else "",
-                f"{value - start:+.{digits}f}" if known else "",
-                f"{sigma:.{digits}f}" if known else "",
+                f"{value:.{digits}f}" if estimated else "",
+                f"{value - start:+.{digits}f}" if estimated else "",
+                f"{sigma:.{digits}f}" if estimated else "",
                 words,
             ]
         )
@@ -195,4 +195,4 @@ def _carried(c: Calibration, name: str) -> str:
     terms = c.combinations.get(name, {})
     if not terms:
         return "eliminated: no effect on the tip"
-    return "eliminated, carried by " + ", ".join(f"{value:+.4g} {kept}" for kept, value in terms.items())
+    return "eliminated, carried by " + ", ".join(f"{value:+.4g} {carrier}" for carrier, value in terms.items())

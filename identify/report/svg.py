@@ -38,9 +38,9 @@ class Axis:
 
 def axis(title: str, values: Sequence[float] | np.ndarray, *, zero: bool = False) -> Axis:
     """An axis around values, with ticks at round numbers."""
-    known = np.asarray(values, dtype=float)
-    known = known[np.isfinite(known)]
-    lower, upper = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    lower, upper = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     lower = min(lower, 0.0) if zero else lower
     if upper - lower < 1e-12:
         lower, upper = lower - 0.5, upper + 0.5
@@ -53,17 +53,17 @@ def axis(title: str, values: Sequence[float] | np.ndarray, *, zero: bool = False
 
 def logarithmic(title: str, values: Sequence[float] | np.ndarray) -> Axis:
     """A logarithmic axis around positive values: ticks at 1, 2 and 5 of few decades, or at every so many of many."""
-    known = np.asarray(values, dtype=float)
-    known = known[np.isfinite(known) & (known > 0)]
-    low, high = (np.log10(known.min()), np.log10(known.max())) if len(known) else (0.0, 1.0)
+    positive = np.asarray(values, dtype=float)
+    positive = positive[np.isfinite(positive) & (positive > 0)]
+    low, high = (np.log10(positive.min()), np.log10(positive.max())) if len(positive) else (0.0, 1.0)
     digits = (1, 2, 5) if high - low < 3 else (1,)
     every = max(1, int(np.ceil((high - low) / MOST)))  # decades from label to label
     decades = np.arange(np.floor(low / every) - 1, np.ceil(high / every) + 2) * every
     ticks = np.log10([d * 10.0**e for e in decades for d in digits])
     first, last = ticks[ticks <= low + 1e-9][-1], ticks[ticks >= high - 1e-9][0]
     last = last if last > first else ticks[ticks > first][0]
-    shown = ticks[(ticks >= first) & (ticks <= last)]
-    return Axis(title, first, last, tuple(shown.tolist()), tuple(map(_power, shown)), powers=True)
+    inside = ticks[(ticks >= first) & (ticks <= last)]
+    return Axis(title, first, last, tuple(inside.tolist()), tuple(map(_power, inside)), powers=True)
 
 
 def _power(exponent: float) -> str:
@@ -183,12 +183,12 @@ def picture(chart: Chart) -> str:
         ".over { paint-order: stroke; stroke: #fff; stroke-width: 3px } .grid { stroke: #ddd } "
         ".level { stroke: #888; stroke-dasharray: 4 3 } .title { font-size: 12px }"
     )
-    drawn = re.sub(r"var\(--\w+, (#\w+)\)", r"\1", "".join(chart.parts))
+    body = re.sub(r"var\(--\w+, (#\w+)\)", r"\1", "".join(chart.parts))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {chart.width} {high}" width="{chart.width}" '
         f'height="{high}" role="img" aria-label="{title}"><style>{style}</style><rect width="100%" height="100%" '
         f'fill="#fff"/><text class="title" x="{chart.width / 2:.0f}" y="14" text-anchor="middle">{title}</text>'
-        f'<g transform="translate(0 22)">{drawn}</g></svg>\n'
+        f'<g transform="translate(0 22)">{body}</g></svg>\n'
     )
 
 

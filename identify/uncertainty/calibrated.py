@@ -28,8 +28,8 @@ def posterior(calibration: Calibration, cell: Cell | None = None) -> Information
             f"'{cell.robot.name}'; plan with the cell it was made for"
         )
     unknowns = replace(Unknowns.of(cell), parameters=np.array(calibration.index, dtype=int), named=())
-    known = {*calibration.estimated, *_same_faces(calibration.cell, cell)} & set(unknowns.names)
-    index = [i for i, name in enumerate(calibration.names) if name in known]
+    shared_names = {*calibration.estimated, *_same_faces(calibration.cell, cell)} & set(unknowns.names)
+    index = [i for i, name in enumerate(calibration.names) if name in shared_names]
     names = [calibration.names[i] for i in index]
     C = calibration.joint_covariance[np.ix_(index, index)]
     return Information.of_covariance(unknowns, calibration.theta, names, C)
@@ -48,10 +48,10 @@ def tip_errors(calibration: Calibration, q: Float[np.ndarray, "poses joints"]) -
 
     What measurements scatter beyond their stated sigma may be the robot's, so it is part of the error.
     """
-    known = posterior(calibration)
+    prior = posterior(calibration)
     excess = calibration.cell.touch.sigma * np.sqrt(max(calibration.noise**2 - 1.0, 0.0))
     own = np.broadcast_to(excess * np.eye(3), (len(q), 3, 3))
-    return TipErrors(np.concatenate([known.root(known.unknowns.tip_rows(q, known.theta)), own], axis=2))
+    return TipErrors(np.concatenate([prior.root(prior.unknowns.tip_rows(q, prior.theta)), own], axis=2))
 
 
 def zone_promise(calibration: Calibration) -> Promise:

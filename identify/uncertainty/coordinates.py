@@ -66,10 +66,10 @@ def of_all_unknowns(prior: Information, rows: Float[np.ndarray, "candidates unkn
     whitened = prior.root(rows)
     _, _, Vt = np.linalg.svd(triangular(whitened))
     best = np.abs(whitened @ Vt.T).max(axis=0, initial=0.0) ** 2
-    shown = 1 / np.sqrt(1 + TOUCHES * best) < 1 - SHOWN
+    visible = 1 / np.sqrt(1 + TOUCHES * best) < 1 - SHOWN
     inverse = prior.root(np.eye(len(Vt)))  # R^-1
-    basis = np.hstack([inverse @ Vt[shown].T, np.zeros((len(Vt), 1))])
-    return Coordinates(prior, basis, np.eye(basis.shape[1]), rest=inverse @ Vt[~shown].T)
+    basis = np.hstack([inverse @ Vt[visible].T, np.zeros((len(Vt), 1))])
+    return Coordinates(prior, basis, np.eye(basis.shape[1]), rest=inverse @ Vt[~visible].T)
 
 
 def of_identifiable(prior: Information) -> Coordinates:
@@ -79,18 +79,18 @@ def of_identifiable(prior: Information) -> Coordinates:
     are combined with those that carry them.
     """
     unknowns, cell = prior.unknowns, prior.unknowns.cell
-    found = structure(cell)
+    analysis = structure(cell)
     place = {name: i for i, name in enumerate(unknowns.names)}
-    kept = [name for i in found.kept if (name := found.names[i]) in place]
-    row = {name: i for i, name in enumerate(kept)}
-    A = np.zeros((len(kept), len(unknowns)))
-    A[range(len(kept)), [place[name] for name in kept]] = 1.0
-    for name, terms in found.combinations.items():
+    names = [name for i in analysis.kept if (name := analysis.names[i]) in place]
+    row = {name: i for i, name in enumerate(names)}
+    A = np.zeros((len(names), len(unknowns)))
+    A[range(len(names)), [place[name] for name in names]] = 1.0
+    for name, terms in analysis.combinations.items():
         for carrier, coefficient in terms.items():
             if name in place and carrier in row:
                 i, k = place[name], place[carrier]
                 A[row[carrier], i] = coefficient * unknowns.scale[i] / unknowns.scale[k]
-    basis = np.eye(len(unknowns))[:, [place[name] for name in kept]]
+    basis = np.eye(len(unknowns))[:, [place[name] for name in names]]
     R = triangular(prior.root(A).T)
     inverse = np.linalg.inv(R)
-    return Coordinates(prior, basis, inverse @ inverse.T, tuple(kept))
+    return Coordinates(prior, basis, inverse @ inverse.T, tuple(names))

@@ -122,9 +122,9 @@ class Unknowns:
     @cached_property
     def precision(self) -> Float[np.ndarray, " unknowns"]:
         """Of the prior: 1, or 0 for what is to be fitted."""
-        fitted = np.isinf(self.cell.prior[self.parameters])
+        free = np.isinf(self.cell.prior[self.parameters])
         further = (np.full(len(unknown.nominal), unknown.precision) for unknown in self.named)
-        return np.concatenate([np.where(fitted, 0.0, 1.0), [shared.precision for shared in self.shared], *further])
+        return np.concatenate([np.where(free, 0.0, 1.0), [shared.precision for shared in self.shared], *further])
 
     @cached_property
     def origin(self) -> Float[np.ndarray, " unknowns"]:

@@ -45,9 +45,9 @@ def limiting(after: Information, zone: Float[np.ndarray, "poses joints"]) -> str
     )
 
 
-def _where(known: Information, zone: np.ndarray, pose: int, axis: int) -> str:
+def _where(knowledge: Information, zone: np.ndarray, pose: int, axis: int) -> str:
     """An axis, and a place in the jig frame."""
-    at = known.unknowns.cell.kinematics.tip(zone[pose : pose + 1], known.theta)[0][0]
+    at = knowledge.unknowns.cell.kinematics.tip(zone[pose : pose + 1], knowledge.theta)[0][0]
     return f"{'xyz'[axis]}, near ({', '.join(f'{x:.0f}' for x in at)}) mm"
 
 

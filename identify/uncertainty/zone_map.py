@@ -33,7 +33,7 @@ def zone_map(c: Calibration) -> ZoneMap | None:
     best = np.full(len(point), np.nan)
     for _ in range(STARTS):
         start = rng.uniform(robot.lower, robot.upper, (len(point), len(robot.joints))) / 2
-        found = reach(c.cell.kinematics, c.theta, point, down, start, free_roll=True)
-        variance = np.trace(c.tip_covariance(found.q), axis1=1, axis2=2)
-        best = np.fmin(best, np.where(found.reached(), np.sqrt(variance), np.nan))
+        reached = reach(c.cell.kinematics, c.theta, point, down, start, free_roll=True)
+        variance = np.trace(c.tip_covariance(reached.q), axis1=1, axis2=2)
+        best = np.fmin(best, np.where(reached.reached(), np.sqrt(variance), np.nan))
     return ZoneMap(axes[0], axes[1], axes[2], best.reshape(GRID))

@@ -82,16 +82,18 @@ def locate(
     """
     if not len(touches):
         raise InputError("there is no touch of status hit to locate the workpiece by; make at least six")
-    found = _found(calibration, workpiece, touches, near)
-    if found.chance >= ALARM:
-        return found
+    location = _found(calibration, workpiece, touches, near)
+    if location.chance >= ALARM:
+        return location
     culprit = _culprit(calibration, workpiece, touches, near)
-    times = np.sqrt(found.chi2 / found.degrees)
+    times = np.sqrt(location.chi2 / location.degrees)
     words = f"the touches of '{workpiece.name}' disagree {times:.1f} times more than scatter and robot allow: {culprit}"
     if times > HOPELESS:
         raise InputError(f"{words}; are their faces right, and is the workpiece as drawn?")
     return replace(
-        found, covariance=found.covariance * times**2, notes=(*found.notes, f"{words}; intervals are widened by that")
+        location,
+        covariance=location.covariance * times**2,
+        notes=(*location.notes, f"{words}; intervals are widened by that"),
     )
 
 
@@ -138,8 +140,8 @@ def _contacts(calibration: Calibration, touches: Touches) -> Contacts:
     cell, theta = calibration.cell, calibration.theta.copy()
     theta[:6] = 0.0
     tip, R = cell.kinematics.tip(touches.q, theta)
-    made = rows(cell.wire, [touches], cell.robot.temperature)
-    return Contacts(made.normal, made.offset, tip, R[:, :, 2], made.radius)
+    equations = rows(cell.wire, [touches], cell.robot.temperature)
+    return Contacts(equations.normal, equations.offset, tip, R[:, :, 2], equations.radius)
 
 
 def _faces(workpiece: Jig, touches: Touches) -> Float[np.ndarray, "touches touches"]:
@@ -157,11 +159,11 @@ def _robot(calibration: Calibration, touches: Touches, at: Placement) -> Float[n
     """
     cell, theta = calibration.cell, calibration.theta
     jig_T_workpiece = transform(theta[:6]) @ _matrix(at)
-    made = rows(cell.wire, [touches], cell.robot.temperature)
-    normal = made.normal @ jig_T_workpiece[:3, :3].T
-    known = posterior(calibration)
-    seen = replace(made, normal=normal, sigma=np.ones(len(made)), face=())
-    B = known.root(known.unknowns.rows(seen, theta))
+    equations = rows(cell.wire, [touches], cell.robot.temperature)
+    normal = equations.normal @ jig_T_workpiece[:3, :3].T
+    prior = posterior(calibration)
+    unit_rows = replace(equations, normal=normal, sigma=np.ones(len(equations)), face=())
+    B = prior.root(prior.unknowns.rows(unit_rows, theta))
     return B @ B.T
 
 

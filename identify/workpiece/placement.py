@@ -166,13 +166,13 @@ def unseen(touched: Contacts, at: Placement, centre: Float[np.ndarray, " 3"], si
 
 def _axes(directions: Float[np.ndarray, "directions 3"], count: int) -> list[int]:
     """So many of the axes x, y and z as the directions span, those first that they lie along."""
-    rest, found = directions.copy(), list[int]()
+    rest, chosen_rows = directions.copy(), list[int]()
     for _ in range(count):
         k = int(np.argmax((rest**2).sum(axis=0)))
-        found.append(k)
+        chosen_rows.append(k)
         column = rest[:, k] / max(np.linalg.norm(rest[:, k]), 1e-300)
         rest = rest - np.outer(column, column @ rest)
-    return sorted(found)
+    return sorted(chosen_rows)
 
 
 def _way(k: int) -> str:

@@ -105,7 +105,7 @@ class Criterion(ABC):
         """The change of parameters in which the relaxation computes, where T makes the information one."""
         return T
 
-    def needs(self, unseen: Float[np.ndarray, "p u"], seen: Float[np.ndarray, "p s"]) -> bool:
+    def needs(self, unseen_space: Float[np.ndarray, "p u"], seen_space: Float[np.ndarray, "p s"]) -> bool:
         """Whether the value depends on directions that no row sees."""
         return True
 

@@ -68,9 +68,12 @@ class VarianceCriterion(FunctionCriterion):
         """The zone changes along with the rows."""
         return replace(self, J=self.poses @ T)
 
-    def needs(self, unseen: Float[np.ndarray, "p u"], seen: Float[np.ndarray, "p s"]) -> bool:
+    def needs(self, unseen_space: Float[np.ndarray, "p u"], seen_space: Float[np.ndarray, "p s"]) -> bool:
         """Whether the tip in the zone moves along directions that no row sees."""
-        return bool(np.abs(self.poses @ unseen).max(initial=0.0) >= UNSEEN * np.abs(self.poses @ seen).max(initial=0.0))
+        return bool(
+            np.abs(self.poses @ unseen_space).max(initial=0.0)
+            >= UNSEEN * np.abs(self.poses @ seen_space).max(initial=0.0)
+        )
 
     def logs_after(
         self, M: Square, x: Float[np.ndarray, "k p"], y: Float[np.ndarray, "k p"]

@@ -68,10 +68,10 @@ class Link:
             nonce = secrets.token_hex(3)
             self._send(seal(f"0 HELLO {nonce}"))
             for line in self._listen(self.timing.resend):
-                found = GREETING.fullmatch(line)
-                if found and found[4] == nonce:
-                    self.joints, self._last, self._in_step = int(found[2]), int(found[3]), True
-                    return self._expect_boot(found[1])
+                match = GREETING.fullmatch(line)
+                if match and match[4] == nonce:
+                    self.joints, self._last, self._in_step = int(match[2]), int(match[3]), True
+                    return self._expect_boot(match[1])
             if self.clock.now() > deadline:
                 raise self._silent()
 
@@ -79,10 +79,10 @@ class Link:
         """Learn whether the controller binds its status to what was asked; raises LinkLost."""
         deadline, spoiled = self.clock.now() + self.timing.patience, 0
         while self.clock.now() < deadline:
-            asked = self._beat()
+            number = self._beat()
             for line in self._listen(self.timing.resend / 2):
                 status = read_status(line)
-                if status and status.beat and self._ordinal(status.beat) >= asked:
+                if status and status.beat and self._ordinal(status.beat) >= number:
                     self.bound = True
                     return
                 if status and not status.beat and spoiled > 2:  # it refuses numbered ones
@@ -189,12 +189,12 @@ class Link:
         deadline = max(until, self.clock.now()) + self.timing.patience
 
         def settle() -> None:
-            wanted = word
-            while (status := self.status(wanted)).running:
+            expected_word = word
+            while (status := self.status(expected_word)).running:
                 if pending is not None and (astray := pending.watch(status)):
                     pending.astray = pending.astray or astray
                 if self.clock.now() > until or (pending is not None and pending.astray):
-                    wanted = "STOP"
+                    expected_word = "STOP"
                 if self.clock.now() > deadline:
                     raise Refused("ASTRAY", "and it does not obey a stop: press the emergency stop")
                 self.clock.sleep(self.timing.heartbeat / 2)
@@ -219,9 +219,9 @@ class Link:
         )
 
     def _hear(self, line: str, pending: Pending) -> Answer | None:
-        if (found := ANSWER.fullmatch(line)) and int(found[1]) == pending.number:
+        if (match := ANSWER.fullmatch(line)) and int(match[1]) == pending.number:
             pending.acknowledged, pending.heard = True, self.clock.now()
-            return None if found[2] == "ACK" else Answer(found[2], found[3] or "")
+            return None if match[2] == "ACK" else Answer(match[2], match[3] or "")
         if (status := self._valid(line, 0)) and status.sequence in (pending.number, self._last):
             pending.heard = self.clock.now()
             pending.again |= not status.running  # done, and the answer was lost; or the command never arrived

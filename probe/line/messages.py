@@ -23,10 +23,10 @@ class Status:
 
 def read_status(line: str) -> Status | None:
     """A status line; None where the line is none."""
-    found = STATUS.fullmatch(line)
-    if found is None:
+    match = STATUS.fullmatch(line)
+    if match is None:
         return None
-    return Status(found[1], found[2] == "RUN", int(found[3]), int(found[4] or 0), found[5] == "1", found[6])
+    return Status(match[1], match[2] == "RUN", int(match[3]), int(match[4] or 0), match[5] == "1", match[6])
 
 
 @dataclass(frozen=True)

@@ -66,11 +66,11 @@ class SerialTransport:
         port, self._port = self._port, None
         if port is None:
             return
-        held = getattr(port, "_socket", None)
+        socket_of_port = getattr(port, "_socket", None)
         with suppress(serial.SerialException, OSError):  # it was gone before
             port.close()
-        if held is not None:
-            held.close()  # pyserial leaves it open where the other side has hung up
+        if socket_of_port is not None:
+            socket_of_port.close()  # pyserial leaves it open where the other side has hung up
 
     def _ready(self) -> Any:
         if self._port is None:
