@@ -1,13 +1,19 @@
 """KUKA KRC2 and KRC4: KRL modules (.src, .dat) that search with an interrupt, and the arrays that stay in the .dat.
 
-Sources: KUKA KSS operating and programming instructions for system integrators, "Interrupt programming": INTERRUPT
-DECL names condition and routine, a rising edge triggers it while it is ON; `$AXIS_INT` holds the axes at the
-trigger, BRAKE F stops on the path, RESUME gives up the motion and goes on behind the call of the subprogram in
-which the interrupt fired, which needs `$ADVANCE=0`; `$MEAS_PULSE[n]` are the fast inputs and must be FALSE when the
-interrupt is switched on. The same rules stand in public notes on BRAKE and RESUME at industrialmonitordirect.com.
-Programs read for the form of the statements: the search motions of the NIST assembly primitives (SEARCH.SRC,
-TEST_MOTION_COPY), and style programs of a cell with `INTERRUPT DECL 21 WHEN ... DO ...`, `INTERRUPT ON 21`. Motions
-of a few mm/s need CP speed, so the search is LIN_REL with constant orientation; joint speeds begin at one percent.
+Sources of the semantics: KUKA KSS operating and programming instructions for system integrators, "Interrupt
+programming": INTERRUPT DECL names condition and routine, a rising edge triggers it while it is ON; `$AXIS_INT` holds the
+axes at the trigger, BRAKE F stops on the path, RESUME gives up the motion and goes on behind the call of the subprogram
+in which the interrupt fired, which needs `$ADVANCE=0`; `$MEAS_PULSE[n]` are the fast inputs and must be FALSE when the
+interrupt is switched on.
+
+Form of the statements, each in at least two public programs written elsewhere: INTERRUPT DECL ... WHEN ... DO and
+INTERRUPT ON (the initialisation that KUKA's own editor writes, style programs of a welding cell), LIN_REL with a frame,
+PTP with axes, `$VEL.CP`, `$TIMER` with `$TIMER_STOP`, `$AXIS_ACT`, WAIT SEC, BAS(#INITMOV,0), HALT. INTERRUPT OFF and
+RESUME in the routine of a search were found in one public program, a probing template, and in training notes. No public
+program was found for BRAKE F, `$AXIS_INT` and `$MEAS_PULSE`: these three follow the manual alone.
+
+Motions of a few mm/s need CP speed, so the search is LIN_REL with constant orientation; joint speeds begin at one
+percent.
 """
 
 import re
