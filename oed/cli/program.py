@@ -35,7 +35,7 @@ class Choices:
     first_register: int = 1
     """FANUC, Yaskawa: the first register or variable that the program writes."""
     registers: int | None = None
-    """FANUC, Yaskawa: how many position registers or variables the controller has."""
+    """FANUC: how many numeric registers the controller has; Yaskawa: how many position variables."""
     per_file: int | None = None
     """Touches in one file of the program, at most."""
     host: str = "192.168.0.100"
@@ -85,7 +85,7 @@ def program(
         Every approach from 25 mm further off, and no search: to be run first.
     """
     from identify.model.io.tables import read_plan
-    from probe.programs.makers import PAGE
+    from probe.programs.makers import PAGE, counting_notes
     from probe.programs.makers import program as programmed
 
     described = load_cell(cell)
@@ -99,6 +99,8 @@ def program(
     _write(output, files)
     names = ", ".join(name for name in files if name != PAGE)
     print(f"{len(planned)} {'approaches' if rehearsal else 'touches'} in {names}; no real controller has run it yet")
+    for note in counting_notes(described, maker):
+        print(f"note: {note}")
     print(f"go on with {output / PAGE}: what to set, how to load it, and what comes back")
 
 

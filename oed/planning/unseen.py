@@ -42,10 +42,10 @@ def plan_unseen(
 ) -> UnseenPlan:
     """Choose `n` touches (20) that differ from the joints of those of the fit, `seen` [rad] or [mm].
 
-    They stand for all touches that can be made: the greedy solution of the facility location problem (Nemhauser,
-    Wolsey, Fisher 1978), distances being those of contact points and joints in units of their spread. The touches
-    nearest to one that was seen are not chosen. `count` touches are on offer. Raises InputError if too few touches can
-    be made.
+    They stand for all touches that can be made, each face counting alike: the greedy solution of the facility location
+    problem (Nemhauser, Wolsey, Fisher 1978), distances being those of contact points and joints in units of their
+    spread. The touches nearest to one that was seen are not chosen. `count` touches are on offer. Raises InputError if
+    too few touches can be made.
     """
     rng, n = np.random.default_rng(0) if rng is None else rng, N if n is None else n
     offered = candidate_set(cell, rng, after=after, count=count, structured=False)
@@ -54,7 +54,8 @@ def plan_unseen(
             f"{n} touches are asked for, and {len(offered.candidates)} were found that can be made; ask for fewer"
         )
     features, away = _features(offered.candidates, seen)
-    sample = rng.permutation(len(features))[:SAMPLE]
+    weight = 1 / offered.candidates.number[offered.candidates.face]
+    sample = rng.choice(len(features), min(SAMPLE, len(features)), replace=False, p=weight / weight.sum())
     visit = visited(offered, lambda allowed, before: _representative(features, away & allowed, sample, n), rng)
     touches = offered.candidates.take(visit.order.index)
     order, _ = offered.visit(touches, rng, start=np.arange(len(touches)))

@@ -6,6 +6,7 @@ In the order in which data walks through:
     routine   what a program does for each touch
     log       what a program logged, and the text form of it
     part      one file of a program
+    registers numbered registers as controllers save them
     fanuc     TP programs, and position registers
     kuka      KRL modules, and their data lists
     abb       RAPID modules, and their text file

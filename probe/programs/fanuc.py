@@ -5,7 +5,9 @@ position of that moment is stored, and the next line runs; where it never does, 
 jumps to the label (FANUC Handling Tool operator's manual, skip and high-speed skip instruction; a public
 explanation with examples stands at onerobotics.com, "Refactoring Skip Conditions"). Programs read for the form of
 the statements: ros_movesm.ls of gavanderhoorn/fanuc_driver_exp (joint motion with a skip), the tests of
-kobbled/tp_plus (`Skip,LBL[100],PR[1]=LPOS`).
+kobbled/tp_plus (`Skip,LBL[100],PR[1]=LPOS`). posreg.va shows three decimals of a degree, numreg.va six of a real
+number (public readers of both files, and backups that they quote); `R[n]=PR[m,k]` hands over an element of a position
+register. So the latched joints go into numeric registers, too: there they are as fine as a real of 32 bits holds them.
 """
 
 import re
@@ -16,33 +18,22 @@ import numpy as np
 
 from identify.model.files import InputError, read_text
 from identify.model.robot import Robot
-from probe.programs.log import (
-    CLOSED,
-    HEADER,
-    HELD,
-    JOINTS,
-    MISSED,
-    NOT_MADE,
-    OPENED,
-    TOUCHED,
-    Entry,
-    Log,
-    fault,
-    header,
-)
+from probe.programs.log import CLOSED, HEADER, HELD, JOINTS, MISSED, NOT_MADE, OPENED, TOUCHED, Entry, Log, fault
 from probe.programs.options import Options
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, folded, percent
+from probe.programs.registers import Elements, Numbers
 from probe.programs.routine import Joints, Routine
 
 SCRATCH = 3  # position registers: approach, end of the search, latch
-NUMBERS = 10  # registers before the codes: the header, then index, latch, seconds, rest, failures, percent
+NUMBERS = 10  # registers before those of the touches: the header, then index, latch, seconds, rest, failures, percent
+EACH = 1 + JOINTS  # numeric registers of a touch: the code, then the latched joints
+ALIKE = 0.0015  # [deg] by which the latched joints in both files may differ
 POSITION_REGISTERS, NUMERIC_REGISTERS = 100, 200  # of a controller as it is delivered
 COMMENT = 32  # characters of a remark
 LONGEST = 3200.0  # [s] of a motion
 
 ELEMENT = re.compile(r"^\s*\[(?:1,)?\s*(\d+)\]\s*=\s*(.*)$")
-Registers = dict[int, tuple[int, str]]  # line and text of each, by its index
 JOINT = re.compile(r"J(\d)\s*[=:]\s*([+-]?[\d.]+)\s*deg")
 
 INSTRUCTIONS = Instructions(
@@ -63,9 +54,9 @@ INSTRUCTIONS = Instructions(
 
 
 def capacity(options: Options) -> int:
-    """Touches in one file: two position registers and a numeric one each."""
-    rest = (options.registers or POSITION_REGISTERS) - options.first + 1
-    return min((rest - SCRATCH) // 2, NUMERIC_REGISTERS - options.first + 1 - NUMBERS)
+    """Touches in one file: two position registers and seven numeric ones each."""
+    numbers = (options.registers or NUMERIC_REGISTERS) - options.first + 1 - NUMBERS
+    return min((POSITION_REGISTERS - options.first + 1 - SCRATCH) // 2, numbers // EACH)
 
 
 def write(part: Part) -> dict[str, str]:
@@ -79,7 +70,7 @@ def write(part: Part) -> dict[str, str]:
 
 def read(paths: Sequence[Path], robot: Robot, stamp: int) -> list[Log]:
     """Logs of the plan with a stamp, from pairs of posreg.va and numreg.va in the order given."""
-    registers: dict[str, list[tuple[Path, Registers]]] = {"POSREG": [], "NUMREG": []}
+    registers: dict[str, list[tuple[Path, Elements]]] = {"POSREG": [], "NUMREG": []}
     for path in paths:
         text = read_text(path)
         kinds = [kind for kind in registers if f"[*{kind}*]" in text]
@@ -96,28 +87,33 @@ def read(paths: Sequence[Path], robot: Robot, stamp: int) -> list[Log]:
     return [_log(*a, *b, robot, stamp) for a, b in zip(positions, numbers, strict=True)]
 
 
-def _log(path: Path, positions: Registers, number_path: Path, numbers: Registers, robot: Robot, stamp: int) -> Log:
-    first = next((i for i, (_, text) in numbers.items() if text.split()[:1] == [str(stamp)]), None)
-    if first is None:
-        text = (
-            f"no register holds {stamp}, the stamp of this plan; did its program run, and was the file saved after it?"
-        )
-        raise fault(number_path, 0, text)
-    values = [_number(number_path, numbers, first + k) for k in range(len(HEADER))]
-    _, number, count, speed = header(values, number_path, numbers[first][0])
+def _log(path: Path, positions: Elements, number_path: Path, elements: Elements, robot: Robot, stamp: int) -> Log:
+    numbers = Numbers(number_path, elements, "R[{0}]", "numreg.va")
+    first, number, count, speed = numbers.log(stamp)
     entries = []
     for k in range(count):
-        code = _number(number_path, numbers, first + NUMBERS + k)
-        at = first + SCRATCH + 2 * k
-        latch, rest = (_joints(path, positions, at + i, robot) for i in (0, 1))
-        line = numbers[first + NUMBERS + k][0]
-        entries.append(Entry(number + k, int(code), latch, rest, line))
+        at, place = first + NUMBERS + EACH * k, first + SCRATCH + 2 * k
+        code = int(numbers[at])
+        latch, rest = (_joints(path, positions, place + i) for i in (0, 1))
+        if code in (TOUCHED, OPENED, HELD) and not np.isnan(latch).any():
+            latch = _finer(latch, np.array([numbers[at + j] for j in range(1, EACH)]), path, positions[place][0])
+        latch, rest = (robot.from_controller(counts) for counts in (latch, rest))
+        entries.append(Entry(number + k, code, latch, rest, numbers.line(at)))
     return Log(str(path), stamp, number, count, speed, tuple(entries))
 
 
-def _elements(text: str, kind: str) -> Registers:
+def _finer(shown: Joints, held: Joints, path: Path, line: int) -> Joints:
+    """The latched joints as numreg.va holds them; raises InputError if posreg.va shows others."""
+    apart = np.abs(shown - held).max()
+    if apart > ALIKE:
+        text = f"the latched joints differ by {apart:.3f} degrees from those in numreg.va; save both files of one run"
+        raise fault(path, line, text)
+    return held
+
+
+def _elements(text: str, kind: str) -> Elements:
     """Elements of an array of a .va file: line and text of each, by its index."""
-    found: Registers = {}
+    found: Elements = {}
     inside, index = False, 0
     for line, content in enumerate(text.splitlines(), 1):
         if content.startswith("[*"):
@@ -133,19 +129,11 @@ def _elements(text: str, kind: str) -> Registers:
     return found
 
 
-def _number(path: Path, numbers: Registers, index: int) -> float:
-    line, text = numbers.get(index, (0, ""))
-    try:
-        return float(text.split()[0])
-    except (ValueError, IndexError):
-        raise fault(path, line, f"R[{index}] is '{text.strip()}', expected a number; save numreg.va again") from None
-
-
-def _joints(path: Path, positions: Registers, index: int, robot: Robot) -> Joints:
+def _joints(path: Path, positions: Elements, index: int) -> Joints:
     line, text = positions.get(index, (0, ""))
     values = {int(match[1]): float(match[2]) for match in JOINT.finditer(text)}
     if sorted(values) == list(range(1, JOINTS + 1)):
-        return robot.from_controller(np.array([values[k + 1] for k in range(JOINTS)]))
+        return np.array([values[k + 1] for k in range(JOINTS)])
     if "Uninitialized" in text or not text:
         return np.full(JOINTS, np.nan)
     raise fault(path, line, f"PR[{index}] does not hold joints; the program stores JPOS, was it changed to LPOS?")
@@ -166,7 +154,7 @@ def _main(part: Part) -> Iterator[str]:
         for k, (name, value) in enumerate(zip(HEADER, part.header, strict=True)):
             yield f"R[{R + k}:{name}]={value}"
         yield f"R[{R + 8}:failed]=0"
-        yield from (f"R[{R + NUMBERS + k}]={NOT_MADE}" for k in range(len(part.routines)))
+        yield from (f"R[{R + NUMBERS + EACH * k}]={NOT_MADE}" for k in range(len(part.routines)))
     position = 0
     for k, routine in enumerate(part.routines):
         yield f"!{routine.id} {routine.face}"[: COMMENT + 1]
@@ -178,7 +166,7 @@ def _main(part: Part) -> Iterator[str]:
         position += 1
         yield f"PR[{R}:approach]=P[{position - 1}]"
         yield f"PR[{R + 1}:end]=P[{position}]"
-        yield f"R[{R + 4}:code]={R + NUMBERS + k}"
+        yield f"R[{R + 4}:code]={R + NUMBERS + EACH * k}"
         yield f"R[{R + 5}:latch]={R + SCRATCH + 2 * k}"
         yield f"R[{R + 6}:seconds]={min(routine.seconds, LONGEST):.1f}"
         yield f"R[{R + 9}:back]={percent(routine.back.share)}"
@@ -190,6 +178,7 @@ def _touch(part: Part) -> list[str]:
     """One touch: the input open, the search, the way back, the input open again; the code says how far it came."""
     R, signal, wait = part.options.first, part.options.input or "DI[1]", f"{part.options.wait:.2f}"
     code, failed = f"R[R[{R + 4}]]", f"R[{R + 8}]"
+    digits = "\n".join(f"R[{R + 7}]=R[{R + 4}]+{k}\nR[R[{R + 7}]]=PR[{R + 2},{k}]" for k in range(1, JOINTS + 1))
     remarks = "\n".join(f"!{line}" for text in part.remarks[2:] for line in folded(text, COMMENT))
     return f"""{remarks}
 $WAITTMOUT={round(100 * STUCK)}
@@ -199,6 +188,7 @@ J PR[{R + 1}] R[{R + 6}]sec FINE Skip,LBL[2],PR[{R + 2}]=JPOS
 !Contact
 WAIT {REST:.2f}(sec)
 PR[R[{R + 5}]]=PR[{R + 2}]
+{digits}
 R[{R + 7}]=R[{R + 5}]+1
 PR[R[{R + 7}]]=JPOS
 {code}={OPENED}

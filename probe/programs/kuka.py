@@ -1,10 +1,10 @@
 """KUKA KRC2 and KRC4: KRL modules (.src, .dat) that search with an interrupt, and the arrays that stay in the .dat.
 
 Sources of the semantics: KUKA KSS operating and programming instructions for system integrators, "Interrupt
-programming": INTERRUPT DECL names condition and routine, a rising edge triggers it while it is ON; `$AXIS_INT` holds the
-axes at the trigger, BRAKE F stops on the path, RESUME gives up the motion and goes on behind the call of the subprogram
-in which the interrupt fired, which needs `$ADVANCE=0`; `$MEAS_PULSE[n]` are the fast inputs and must be FALSE when the
-interrupt is switched on.
+programming": INTERRUPT DECL names condition and routine, a rising edge triggers it while it is ON; `$AXIS_INT` holds
+the axes at the trigger, BRAKE F stops on the path, RESUME gives up the motion and goes on behind the call of the
+subprogram in which the interrupt fired, which needs `$ADVANCE=0`; `$MEAS_PULSE[n]` are the fast inputs and must be
+FALSE when the interrupt is switched on.
 
 Form of the statements, each in at least two public programs written elsewhere: INTERRUPT DECL ... WHEN ... DO and
 INTERRUPT ON (the initialisation that KUKA's own editor writes, style programs of a welding cell), LIN_REL with a frame,

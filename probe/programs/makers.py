@@ -45,6 +45,7 @@ class Maker:
                 raise InputError(f"{name} is '{value}', expected {expected} on {self.instructions.title}")
 
 
+COUPLED = ("fanuc",)  # controllers that count joint 3 together with joint 2
 NUMBER, NAME = r"\d{1,3}", r"[A-Za-z]\w{0,31}"
 KUKA_INPUT = r"\$(MEAS_PULSE\[[1-5]\]|IN\[\d+\])"
 MAKERS = {
@@ -82,8 +83,19 @@ def program(plan: Plan, cell: Cell, name: str, options: Options) -> dict[str, st
         raise InputError(f"no register is left for a touch on {title}: lower --first-register, or raise --registers")
     files = parts(touches, options, stamp(plan, cell.robot, name), speed, cell.robot, capacity)
     return {k: text for part in files for k, text in maker.write(part).items()} | {
-        PAGE: page(maker.instructions, maker.example, files, options)
+        PAGE: page(maker.instructions, maker.example, files, options, counting_notes(cell, name))
     }
+
+
+def counting_notes(cell: Cell, name: str) -> tuple[str, ...]:
+    """What speaks against the way in which a cell without `joints:` counts, on controllers of a maker."""
+    if name not in COUPLED or cell.robot.counting.differs:
+        return ()
+    return (
+        "cell.yaml has no joints:, so the program counts J3 as the model does. FANUC controllers count J3 together "
+        "with J2: if the model does not, the arm goes elsewhere. Read some poses off the pendant first; touchcal check "
+        "--pendant pendant.csv --fix writes joints: into cell.yaml.",
+    )
 
 
 def read_logs(paths: Sequence[Path], plan: Plan, cell: Cell, name: str) -> list[Log]:

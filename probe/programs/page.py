@@ -18,12 +18,16 @@ class Instructions:
     overwrites: str  # what the program writes over
 
 
-def page(instructions: Instructions, signal: str, parts: Sequence[Part], options: Options) -> str:
-    """The page as Markdown; `signal` is the usual touch input."""
-    return "\n".join([*_page(instructions, signal, parts, options), ""])
+def page(
+    instructions: Instructions, signal: str, parts: Sequence[Part], options: Options, notes: Sequence[str] = ()
+) -> str:
+    """The page as Markdown; `signal` is the usual touch input, `notes` stand before all else that is to be set."""
+    return "\n".join([*_page(instructions, signal, parts, options, notes), ""])
 
 
-def _page(maker: Instructions, signal: str, parts: Sequence[Part], options: Options) -> Iterator[str]:
+def _page(
+    maker: Instructions, signal: str, parts: Sequence[Part], options: Options, notes: Sequence[str]
+) -> Iterator[str]:
     touches, kind = sum(len(part.routines) for part in parts), "rehearsal" if options.rehearsal else "touches"
     words = {
         "input": options.input or signal,
@@ -32,12 +36,13 @@ def _page(maker: Instructions, signal: str, parts: Sequence[Part], options: Opti
         "first": options.first,
         "zero": options.first - 1,
         "last": options.first + 2 + 2 * max(len(part.routines) for part in parts),
-        "numbers": options.first + 9 + max(len(part.routines) for part in parts),
+        "numbers": options.first + 9 + 7 * max(len(part.routines) for part in parts),
     }
     yield from (f"# {maker.title}: {touches} {kind} in {len(parts)} file{'s' if len(parts) > 1 else ''}", "")
     yield f"**{UNTRIED}** Its statements follow the maker's manuals and public programs; an interpreter of them, not a"
     yield from ("controller, has run it. Read it before you run it, and keep a hand on the stop.", "")
     yield from ("## Before", "")
+    yield from (f"* **{note}**" for note in notes)
     yield from (f"* {text.format(**words)}" for text in maker.prepare)
     yield "* The torch, the jig and the table stand as cell.yaml says; nothing else is in the way between the touches."
     yield "* The wire is cut to the length that cell.yaml says, and the torch does not feed."

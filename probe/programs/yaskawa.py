@@ -18,23 +18,11 @@ import numpy as np
 
 from identify.model.files import InputError, read_text
 from identify.model.robot import Robot
-from probe.programs.log import (
-    CLOSED,
-    HEADER,
-    HELD,
-    JOINTS,
-    MISSED,
-    NOT_MADE,
-    OPENED,
-    TOUCHED,
-    Entry,
-    Log,
-    fault,
-    header,
-)
+from probe.programs.log import CLOSED, HELD, JOINTS, MISSED, NOT_MADE, OPENED, TOUCHED, Entry, Log, fault
 from probe.programs.options import Options
 from probe.programs.page import Instructions
 from probe.programs.part import FAILURES, REST, STUCK, Part, folded, joined
+from probe.programs.registers import Elements, Numbers
 from probe.programs.routine import Joints
 
 POSITION_VARIABLES, BYTE_VARIABLES = 128, 100  # of a controller as it is delivered
@@ -43,7 +31,6 @@ COMMENT = 31  # characters of a remark
 SLOWEST = 0.1  # [mm/s]
 
 INPUT = re.compile(r"(RIN#\(\d+\)),(IN#\(\d+\))")
-Variables = dict[int, tuple[int, str]]  # line and text of each, by its index
 PLACE = re.compile(r"^\s*P(?:X)?(\d+)\s*=\s*(.+?)\s*$")
 
 INSTRUCTIONS = Instructions(
@@ -52,6 +39,8 @@ INSTRUCTIONS = Instructions(
         "The touch signal comes in twice, as {input}: the direct input (RIN) is what the search latches with, the "
         "general input (IN) is what the job asks for otherwise.",
         "The search function (SRCH) is enabled, and cell.yaml says the pulses of a degree (joints: pulses_per_deg).",
+        "The controller knows whole pulses, 0.0005 to 0.002 degrees: on the virtual arm the tip was off by 2.2 % more "
+        "(RMS) after a program than after a live run whose joints are not rounded.",
     ),
     load=("Copy all .JBI files to a USB stick, then EX. MEMORY > LOAD > JOB; load TCOPEN and TCFAIL first.",),
     save=(
@@ -83,7 +72,7 @@ def write(part: Part) -> dict[str, str]:
 
 def read(paths: Sequence[Path], robot: Robot, stamp: int) -> list[Log]:
     """Logs from files VAR.DAT, each followed by jobs (.JBI) that hold position variables where it has none to read."""
-    logs: list[tuple[Path, dict[str, Variables]]] = []
+    logs: list[tuple[Path, dict[str, Elements]]] = []
     for path in paths:
         text = read_text(path)
         if re.search(r"^///B\s*$", text, re.MULTILINE):
@@ -101,25 +90,20 @@ def read(paths: Sequence[Path], robot: Robot, stamp: int) -> list[Log]:
     return [_log(path, variables, robot, stamp) for path, variables in logs]
 
 
-def _log(path: Path, variables: dict[str, Variables], robot: Robot, stamp: int) -> Log:
-    integers, codes = variables.get("D", {}), variables["B"]
-    at = next((k for k, (_, text) in integers.items() if text == str(stamp)), None)
-    if at is None:
-        text = f"no variable D holds {stamp}, the stamp of this plan; did its job run, and was VAR.DAT saved after it?"
-        raise fault(path, 0, text)
-    values = [_number(path, integers, at + k, "D") for k in range(len(HEADER))]
-    plan, first, count, speed = header(values, path, integers[at][0])
+def _log(path: Path, variables: dict[str, Elements], robot: Robot, stamp: int) -> Log:
+    codes = Numbers(path, variables["B"], "B{0:03d}", "VAR.DAT")
+    at, first, count, speed = Numbers(path, variables["D"], "D{0}", "VAR.DAT").log(stamp)
     entries = []
     for k in range(count):
-        code = int(_number(path, codes, at + CODES + k, "B"))
+        code = int(codes[at + CODES + k])
         latch, rest = (_pulses(path, variables["P"], at + 2 * k + i, robot, code) for i in (0, 1))
-        entries.append(Entry(first + k, code, latch, rest, codes[at + CODES + k][0]))
-    return Log(str(path), plan, first, count, speed, tuple(entries))
+        entries.append(Entry(first + k, code, latch, rest, codes.line(at + CODES + k)))
+    return Log(str(path), stamp, first, count, speed, tuple(entries))
 
 
-def _variables(text: str) -> dict[str, Variables]:
-    """Variables by kind and index: B and D in rows of numbers, P one a line."""
-    found: dict[str, Variables] = {"B": {}, "D": {}}
+def _variables(text: str) -> dict[str, Elements]:
+    """Elements by kind and index: B and D in rows of numbers, P one a line."""
+    found: dict[str, Elements] = {"B": {}, "D": {}}
     kind, lines = "", text.splitlines()
     for line, content in enumerate(lines, 1):
         if content.startswith("///"):
@@ -130,21 +114,13 @@ def _variables(text: str) -> dict[str, Variables]:
     return found | {"P": _places(lines)}
 
 
-def _places(lines: Sequence[str]) -> Variables:
+def _places(lines: Sequence[str]) -> Elements:
     """Position variables that are named."""
     matches = ((line, PLACE.match(content)) for line, content in enumerate(lines, 1))
     return {int(match[1]): (line, match[2]) for line, match in matches if match}
 
 
-def _number(path: Path, values: Variables, index: int, kind: str) -> float:
-    line, text = values.get(index, (0, ""))
-    try:
-        return float(text)
-    except ValueError:
-        raise fault(path, line, f"{kind}{index:03d} is '{text}', expected a number; save VAR.DAT again") from None
-
-
-def _pulses(path: Path, places: Variables, index: int, robot: Robot, code: int) -> Joints:
+def _pulses(path: Path, places: Elements, index: int, robot: Robot, code: int) -> Joints:
     if index not in places:
         if code in (TOUCHED, OPENED):
             text = f"P{index:03d} is not in it; load a job that names it, save that as .JBI, and give it behind VAR.DAT"

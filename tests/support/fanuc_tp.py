@@ -6,7 +6,8 @@ in a given time. `SKIP CONDITION DI[n]=ON` with `Skip,LBL[a],PR[b]=JPOS` on a mo
 the robot stops, the joints of that moment go to PR[b] (high-speed skip) and the next line runs; if the robot
 arrives, the program jumps to LBL[a]; if the condition is true at the start, the motion ends at once. `WAIT
 DI[n]=OFF TIMEOUT,LBL[a]`: waits up to $WAITTMOUT (1/100 s), then jumps. `R[R[i]]`, `PR[R[i]]`: indirect addresses.
-A position register holds joints, posreg.va shows them with three decimals.
+`R[i]=PR[j,k]`:
+an element of a position register. Registers are reals of 32 bits; posreg.va shows three decimals, numreg.va six.
 """
 
 import re
@@ -121,6 +122,9 @@ class FanucTP:
                 positions[int(match[2])] if match[2] else self.PR[int(match[3])] if match[3] else self.machine.counts
             )
             self.PR[self._index(match[1])] = value
+            return
+        if match := re.fullmatch(r"R\[(R\[\d+\]|\d+)\]=PR\[(\d+),([1-6])\]", line):
+            self.R[self._index(match[1])] = float(np.float32(self.PR[int(match[2])][int(match[3]) - 1]))
             return
         match = re.fullmatch(rf"R\[(R\[\d+\]|\d+)(?::\w+)?\]=(?:({NUMBER})|R\[(\d+)\]\+(\d+))", line)
         assert match, f"not a statement of the manual: {line}"

@@ -9,7 +9,7 @@ from identify.model.io.description import library, read_cell
 from identify.programs.backups import is_backup, read_backup
 from identify.programs.setup import read_setups
 
-# The form of a backup of a controller V9.40, as a public reader of such files quotes it; numbers below one have no zero.
+# The form of a backup of a controller V9.40 as a public reader of such files quotes it; numbers below 1 have no zero.
 SYSFRAME = """\
 [*SYSTEM*]$MNUFRAME  Storage: SHADOW  Access: RW  : ARRAY[1,9] OF POSITION
     [1,1] =

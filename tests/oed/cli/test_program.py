@@ -3,11 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from maker_bench import execute
 from maker_machine import Machine, scripted
 
-from identify.model.io.description import library
+from identify.model.io.description import library, read_cell
 from identify.model.io.tables import plan_text, read_plan, read_touches
 from probe.virtual.truth import Truth
 
@@ -48,6 +49,23 @@ def test_a_plan_becomes_a_program_and_its_log_touches(folder, touchcal, arc_weld
     touches = read_touches(Path("touches.csv"), arc_welder)
     assert len(touches) == FEW - 1
     assert set(touches.temperature) == {21.5}
+
+
+def test_a_program_for_a_fanuc_asks_how_its_controller_counts_until_the_cell_says_so(folder, touchcal, arc_welder):
+    code, said, _ = touchcal("program", "plan.csv", "--maker", "fanuc")
+    page = (folder / "program" / "OPERATOR.md").read_text()
+    assert code == 0
+    for text in (said, page):
+        assert "cell.yaml has no joints:" in text
+        assert "touchcal check --pendant pendant.csv --fix" in text
+
+    (folder / "cell.yaml").write_text((folder / "cell.yaml").read_text() + "joints: {coupled: {j3: j2}}\n")
+    counted = read_cell(folder / "cell.yaml").robot
+    (folder / "plan.csv").write_text(plan_text(read_plan(PLAN, arc_welder).take(np.arange(FEW)), counted))
+    code, said, _ = touchcal("program", "plan.csv", "--maker", "fanuc")
+    assert code == 0
+    assert "has no joints:" not in said + (folder / "program" / "OPERATOR.md").read_text()
+    assert "has no joints:" not in touchcal("program", "plan.csv", "--maker", "abb", "-o", "other")[1]
 
 
 def test_measured_touches_are_not_overwritten_and_no_hit_is_exit_1(folder, touchcal, arc_welder):

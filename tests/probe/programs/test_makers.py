@@ -13,7 +13,7 @@ from identify.estimation.calibrate import calibrate
 from identify.model.io.tables import read_touches, touches_text
 from probe.programs.makers import MAKERS
 
-COARSE = ("fanuc", "yaskawa")  # whose logs are rounded to 0.001 and 0.002 degrees
+COARSE = ("yaskawa",)  # whose encoders count 0.002 degrees
 JOINT_SEARCH = [name for name, maker in MAKERS.items() if not maker.straight]
 
 

@@ -122,9 +122,9 @@ def test_an_option_that_a_controller_cannot_take_is_named_with_its_cure(few, mak
 @pytest.mark.parametrize(
     ("maker", "options", "touches"),
     [
-        ("fanuc", Options(), 48),  # 100 position registers, three of them for the routine
-        ("fanuc", Options(first=31), 33),
-        ("fanuc", Options(registers=1000), 190),  # 200 numeric registers, ten of them for the routine
+        ("fanuc", Options(), 27),  # 200 numeric registers, ten of them for the routine, seven for each touch
+        ("fanuc", Options(first=31), 22),
+        ("fanuc", Options(registers=1000), 48),  # 100 position registers, three of them for the routine
         ("yaskawa", Options(), 64),  # 128 position variables
         ("yaskawa", Options(first=41), 44),
         ("yaskawa", Options(first=71), 20),  # 100 byte variables, ten of them for the job
