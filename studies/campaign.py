@@ -59,14 +59,14 @@ SAID = {"campaign": "campaigns, a dot each", "optimal": "one shot, planned", "ev
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """One robot and way a task; for one shot, one number of touches."""
-    chosen = (KNOWN, ROUGH, FEW) if small else (1.0, TARGET, COUNT)
-    shared = dict(zip(("off", "target", "offered"), chosen, strict=True))
+    size = (KNOWN, ROUGH, FEW) if small else (1.0, TARGET, COUNT)
+    shared = dict(zip(("off", "target", "offered"), size, strict=True))
     ways, numbers = (("even",), FEWER) if small else (("optimal", "even"), NUMBERS)
-    made = list[dict[str, Any]]()
+    tasks = list[dict[str, Any]]()
     for i in range(1 if small else ROBOTS):
-        made.append({"robot": i, "way": "campaign", "touches": MOST})
-        made += [{"robot": i, "way": way, "touches": n} for way in ways for n in numbers if i < SHOT]
-    return [task | shared for task in made]
+        tasks.append({"robot": i, "way": "campaign", "touches": MOST})
+        tasks += [{"robot": i, "way": way, "touches": n} for way in ways for n in numbers if i < SHOT]
+    return [task | shared for task in tasks]
 
 
 def run(
@@ -76,10 +76,10 @@ def run(
     cell = _cell(off)
     truth = draw_truth(cell, np.random.default_rng(robot), jig=True)  # the same robot, whatever touches it
     if way == "campaign":
-        found = _by_turns(cell, truth, target, touches, rng)
+        outcome = _by_turns(cell, truth, target, touches, rng)
     else:
-        found = _at_once(off, truth, way, touches, offered, rng)
-    return [_row(robot, way, truth, target, found)]
+        outcome = _at_once(off, truth, way, touches, offered, rng)
+    return [_row(robot, way, truth, target, outcome)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,18 +102,18 @@ def _cell(off: float) -> Cell:
     return replace(cell, priors=Priors(base, tool, link))
 
 
-def _row(robot: int, way: str, truth: Truth, target: float, found: Outcome) -> dict[str, Any]:
+def _row(robot: int, way: str, truth: Truth, target: float, outcome: Outcome) -> dict[str, Any]:
     error = np.full(1, np.nan)
-    if found.calibration is not None:
+    if outcome.calibration is not None:
         kinematics = arc_welder().kinematics
-        tip, true = (kinematics.tip(zone(500), theta)[0] for theta in (found.calibration.theta, truth.theta))
+        tip, true = (kinematics.tip(zone(500), theta)[0] for theta in (outcome.calibration.theta, truth.theta))
         error = np.linalg.norm(tip - true, axis=1)
     return {
         "robot": robot,
         "way": way,
-        "touches": found.touches,
-        "hits": found.hits,
-        "promised_p95_mm": found.promised,
+        "touches": outcome.touches,
+        "hits": outcome.hits,
+        "promised_p95_mm": outcome.promised,
         "delivered_p95_mm": float(np.quantile(error, 0.95)),
         "target_mm": target,
     }
@@ -127,24 +127,26 @@ def _by_turns(cell: Cell, truth: Truth, target: float, most: int, rng: np.random
         return plan_under_uncertainty(cell, n, rng, after)
 
     try:
-        done: Campaign = campaign(cell, target_mm=target, max_touches=most, rng=rng, touch=touch, planner=planner)
+        result: Campaign = campaign(cell, target_mm=target, max_touches=most, rng=rng, touch=touch, planner=planner)
     except (InputError, TouchError, CalibrationFailed):  # it says why and stops: this robot is not reached
         return Outcome(most, 0)
-    hits = sum(stage.hits for stage in done.stages)
-    return Outcome(done.touches, hits, np.nan if done.promised_mm is None else done.promised_mm, done.calibration)
+    hits = sum(stage.hits for stage in result.stages)
+    return Outcome(
+        result.touches, hits, np.nan if result.promised_mm is None else result.promised_mm, result.calibration
+    )
 
 
 def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng: np.random.Generator) -> Outcome:
     cell, (wide, planned) = _cell(off), _shot(off, strategy, n, offered)
-    made = touch_batch(wide, truth, planned, rng, blind=True)
-    met = made.take(np.array([status == HIT for status in made.status]))
+    touches = touch_batch(wide, truth, planned, rng, blind=True)
+    met = touches.take(np.array([status == HIT for status in touches.status]))
     try:
         belief = believe(cell, met)
         good = met.take(belief.as_planned(met))
-        found = calibrate(cell, good, start=belief.theta, folds=0)
+        calibration = calibrate(cell, good, start=belief.theta, folds=0)
     except (InputError, CalibrationFailed):
         return Outcome(n, len(met))
-    return Outcome(n, len(met), zone_promise(found).p95_mm, found)
+    return Outcome(n, len(met), zone_promise(calibration).p95_mm, calibration)
 
 
 @lru_cache(maxsize=16)
@@ -153,8 +155,8 @@ def _shot(off: float, strategy: str, n: int, offered: int) -> tuple[Cell, Plan]:
     cell = _cell(off)
     approach = max(cell.touch.approach, off * LONGEST)
     wide = replace(cell, touch=replace(cell.touch, approach=approach, travel=2 * approach))
-    found = plan(wide, n, rng=np.random.default_rng(n), strategy=strategy, count=offered, lifting=False)
-    return wide, found.plan
+    planned = plan(wide, n, rng=np.random.default_rng(n), strategy=strategy, count=offered, lifting=False)
+    return wide, planned.plan
 
 
 def answer(table: Table) -> str:
@@ -171,12 +173,12 @@ def answer(table: Table) -> str:
 def _line(way: str, some: Table) -> str:
     """Medians over the robots, and the share of promises that are kept."""
     promised, delivered = column(some, "promised_p95_mm"), column(some, "delivered_p95_mm")
-    known = np.isfinite(promised)
-    kept = 100 * float(np.mean(delivered[known] <= promised[known])) if known.any() else 0.0
-    middle = [np.median(x[known]) if known.any() else np.nan for x in (promised, delivered)]
+    promising = np.isfinite(promised)
+    share = 100 * float(np.mean(delivered[promising] <= promised[promising])) if promising.any() else 0.0
+    middle = [np.median(x[promising]) if promising.any() else np.nan for x in (promised, delivered)]
     return (
         f"{way:10}{np.median(column(some, 'touches')):9.0f}{np.median(column(some, 'hits')):6.0f}"
-        f"{100 * np.mean(promised <= column(some, 'target_mm')):11.0f}{middle[0]:13.3f}{middle[1]:14.3f}{kept:8.0f}"
+        f"{100 * np.mean(promised <= column(some, 'target_mm')):11.0f}{middle[0]:13.3f}{middle[1]:14.3f}{share:8.0f}"
     )
 
 
@@ -194,8 +196,8 @@ def pictures(table: Table) -> dict[str, str]:
     ways = distinct(table, "way")
     shades = dict(zip(ways, colour(np.linspace(0.0, 0.75, len(ways))), strict=True))
     names, target = ("promised", "delivered"), float(column(table, "target_mm")[0])
-    shown = [_drawn(where(table, way=way), name)[1] for way in ways for name in names]
-    every = np.concatenate([*shown, [target]])
+    series = [_drawn(where(table, way=way), name)[1] for way in ways for name in names]
+    every = np.concatenate([*series, [target]])
     chart = Chart(
         "Touches, and the tip error promised (solid, large dots) and delivered (dashed, small dots)",
         axis("touches tried", column(table, "touches"), zero=True),
@@ -219,8 +221,8 @@ def pictures(table: Table) -> dict[str, str]:
 def _drawn(some: Table, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Touches and errors: of every campaign, or the medians for each number of touches of one shot."""
     touches, error = column(some, "touches"), column(some, f"{name}_p95_mm")
-    known = np.isfinite(error)
+    finite = np.isfinite(error)
     if some["way"][0] == "campaign":
-        return touches[known], error[known]
-    numbers = np.unique(touches[known])
-    return numbers, np.array([np.median(error[known & (touches == n)]) for n in numbers])
+        return touches[finite], error[finite]
+    numbers = np.unique(touches[finite])
+    return numbers, np.array([np.median(error[finite & (touches == n)]) for n in numbers])

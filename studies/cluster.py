@@ -79,10 +79,10 @@ def _check(client: "Client", address: str) -> None:
         raise InputError(f"{address}: no worker is there; start some with `dask worker {address}`") from error
     except Exception as error:
         raise InputError(f"{address}: a worker cannot run touchcal ({error}); install it there too") from error
-    other = {name: said for name, said in theirs.items() if said != ours}
+    other = {name: answer for name, answer in theirs.items() if answer != ours}
     if other:
-        name, said = next(iter(other.items()))
-        raise InputError(f"{address}: worker {name} has touchcal {said}, this machine {ours}; install the same one")
+        name, answer = next(iter(other.items()))
+        raise InputError(f"{address}: worker {name} has touchcal {answer}, this machine {ours}; install the same one")
 
 
 def version() -> str:

@@ -70,8 +70,8 @@ class Study:
 
 def compute(name: str, task: Task, seed: int) -> str:
     """The rows of one task as CSV; what a worker does."""
-    told = json.dumps(task, sort_keys=True)
-    key = hashlib.sha256(f"{name} {told}".encode()).digest()
+    text = json.dumps(task, sort_keys=True)
+    key = hashlib.sha256(f"{name} {text}".encode()).digest()
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(key[:16])))
     with threadpool_limits(1):  # sums of several threads differ in the last digit
         rows = import_module(f"studies.{name}").run(rng, **task)
@@ -92,20 +92,20 @@ def evaluate(
     paths = [folder / "chunks" / f"{_key(study, task, seed)}.csv" for task in tasks]
     missing = [(index, tasks[index]) for index, path in enumerate(paths) if not path.exists()]
     (folder / "chunks").mkdir(parents=True, exist_ok=True)
-    done = len(tasks) - len(missing)
+    count = len(tasks) - len(missing)
     for index, text in using(study.name, missing, seed):
         write_text(paths[index], text)
-        done += 1
+        count += 1
         if progress is not None:
-            progress(f"{done} of {len(tasks)} tasks", done / len(tasks))
+            progress(f"{count} of {len(tasks)} tasks", count / len(tasks))
     return joined([read_table(path) for path in paths])
 
 
 def _key(study: Study, task: Task, seed: int) -> str:
     """A name for the result of a task that changes with touchcal, the script, the task and the seed."""
     source = read_text(Path(study.module.__file__ or ""))
-    told = json.dumps([version("touchcal"), study.name, source, task, seed], sort_keys=True)
-    return hashlib.sha256(told.encode()).hexdigest()[:20]
+    key = json.dumps([version("touchcal"), study.name, source, task, seed], sort_keys=True)
+    return hashlib.sha256(key.encode()).hexdigest()[:20]
 
 
 def read_table(path: Path) -> Table:

@@ -162,18 +162,18 @@ def calibrate_many(
     priors tell apart what touches cannot.
     """
     problem = Problem(cell, touches, priors, eliminate)
-    used, scale = touches.hit, np.ones(len(touches.q))
-    theta, converged = problem.solve(np.tile(cell.theta, (len(scale), 1)), used, scale)
+    mask, scale = touches.hit, np.ones(len(touches.q))
+    theta, converged = problem.solve(np.tile(cell.theta, (len(scale), 1)), mask, scale)
     for _ in range(2):
-        agreeing = problem.agreeing(theta, touches.hit, used)
-        if np.array_equal(agreeing, used):
+        agreeing = problem.agreeing(theta, touches.hit, mask)
+        if np.array_equal(agreeing, mask):
             break
-        used = agreeing
-        theta, converged = problem.solve(theta, used, scale)
+        mask = agreeing
+        theta, converged = problem.solve(theta, mask, scale)
     for _ in range(2):
-        scatter = problem.scatter(theta, used)
-        theta, converged = problem.solve(theta, used, np.maximum(scatter, 1.0))
-    return ManyCalibrations(theta, problem.scatter(theta, used), used, converged)
+        scatter = problem.scatter(theta, mask)
+        theta, converged = problem.solve(theta, mask, np.maximum(scatter, 1.0))
+    return ManyCalibrations(theta, problem.scatter(theta, mask), mask, converged)
 
 
 class Problem:
@@ -185,8 +185,8 @@ class Problem:
         free = [i for i, name in enumerate(cell.robot.parameters) if name not in cell.fixed]
         self.model, self.kept = measurement_model(cell.robot), np.array(structure(cell).kept if eliminate else free)
         self.scale = cell.scale[self.kept]
-        known = np.isfinite(cell.prior[self.kept]) & priors
-        self.precision = np.diag(np.where(known, (self.scale / cell.prior[self.kept]) ** 2, 0.0))
+        proper = np.isfinite(cell.prior[self.kept]) & priors
+        self.precision = np.diag(np.where(proper, (self.scale / cell.prior[self.kept]) ** 2, 0.0))
         self.start = cell.theta
         wire = cell.wire
         self.rows = Rows(
@@ -242,8 +242,8 @@ class Problem:
 
     def freedom(self, J: np.ndarray, used: np.ndarray) -> Float[np.ndarray, " robots"]:
         """Touches less the degrees of freedom that parameters take: their number, less what the priors hold."""
-        held = (np.linalg.inv(self.normal(J, used * 1.0)[0]) * self.precision).sum(axis=(1, 2))
-        return np.maximum(used.sum(axis=1) - len(self.kept) + held, 1.0)
+        freedom_of_priors = (np.linalg.inv(self.normal(J, used * 1.0)[0]) * self.precision).sum(axis=(1, 2))
+        return np.maximum(used.sum(axis=1) - len(self.kept) + freedom_of_priors, 1.0)
 
     def scatter(
         self, theta: Float[np.ndarray, "robots parameters"], used: Bool[np.ndarray, "robots touches"]

@@ -53,11 +53,11 @@ def _tilted(rng: np.random.Generator, part: str, tilts: list[float]) -> list[dic
     names = list(cell.robot.parameters)
     theta = np.tile(cell.theta, (len(tilts), 1))
     theta[:, names.index("j2.beta")] += np.array(tilts) * DEG
-    made = touch_every(cell, theta, touches_of_the_paper(), rng, sigma=0.0)
-    found = calibrate_many(cell, made, priors=False)
-    error = np.sqrt((errors_in_zone(cell, theta, found.theta, zone(200)) ** 2).mean(axis=1))
+    touches = touch_every(cell, theta, touches_of_the_paper(), rng, sigma=0.0)
+    fits = calibrate_many(cell, touches, priors=False)
+    error = np.sqrt((errors_in_zone(cell, theta, fits.theta, zone(200)) ** 2).mean(axis=1))
     lengths = [i for i, name in enumerate(names) if name.endswith((".d", ".a"))]
-    change = np.abs(found.theta - cell.theta)[:, lengths].max(axis=1)
+    change = np.abs(fits.theta - cell.theta)[:, lengths].max(axis=1)
     return [
         {
             "part": part,
@@ -130,7 +130,7 @@ def answer(table: Table) -> str:
 
 def pictures(table: Table) -> dict[str, str]:
     """The largest change of a length against the tilt, and the error left."""
-    drawn = {}
+    charts = {}
     for key, what in (("length_change_mm", "largest change of a length, mm"), ("zone_rms_mm", "RMS tip error, mm")):
         rows = {name: where(table, part=name) for name in MODELS}
         values = [max(v, 1e-6) for some in rows.values() for v in some[key]]
@@ -145,5 +145,5 @@ def pictures(table: Table) -> dict[str, str]:
             chart.line(x, y, MODELS[model])
             chart.dots(x, y, MODELS[model], [f"{v:.3g} mm" for v in some[key]])
         chart.legend([(shade, model) for model, shade in MODELS.items()])
-        drawn[f"models-{key.partition('_')[0]}"] = picture(chart)
-    return drawn
+        charts[f"models-{key.partition('_')[0]}"] = picture(chart)
+    return charts

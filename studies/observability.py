@@ -73,24 +73,24 @@ def correlations(table: Table) -> dict[str, float]:
     from scipy.stats import spearmanr
 
     error = column(table, "rms_mm")
-    found = {}
+    values = {}
     for name, criterion in CRITERIA.items():
         sign = -1 if criterion.larger_is_better else 1
-        found[name] = sign * float(spearmanr(column(table, name), error).statistic)
-    return found
+        values[name] = sign * float(spearmanr(column(table, name), error).statistic)
+    return values
 
 
 def answer(table: Table) -> str:
     """The correlations, the best first."""
-    found = sorted(correlations(table).items(), key=lambda pair: -pair[1])
-    listed = ", ".join(f"{name} {value:.2f}" for name, value in found)
+    pairs = sorted(correlations(table).items(), key=lambda pair: -pair[1])
+    listed = ", ".join(f"{name} {value:.2f}" for name, value in pairs)
     return f"Rank correlation with the tip error over {len(table['rms_mm'])} sets: {listed}."
 
 
 def pictures(table: Table) -> dict[str, str]:
     """O1 and V against the tip error."""
     error = column(table, "rms_mm")
-    drawn = {}
+    charts = {}
     most = f"V, mean predicted tip variance, mm² ({MOST:.0f} and more on the right edge)"
     for name, title in (("O1", "O1 (Borm and Menq 1991)"), ("V", most)):
         value = np.minimum(column(table, name), MOST)
@@ -101,5 +101,5 @@ def pictures(table: Table) -> dict[str, str]:
             logarithmic("RMS tip error in the zone, mm", error),
         )
         chart.dots(chart.x.scaled(value), chart.y.scaled(error), AFTER, [f"set {int(s)}" for s in table["set"]], 2.5)
-        drawn[f"observability-{name}"] = picture(chart)
-    return drawn
+        charts[f"observability-{name}"] = picture(chart)
+    return charts

@@ -68,10 +68,10 @@ def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     """What the paper prints about its residuals, and what it could not: the error of the tip elsewhere."""
     cell, planned = arc_welder(), touches_of_the_paper()
     true = np.tile(_truth(), (repeats, 1))
-    made = touch_every(cell, true, planned, rng, sigma=SIGMA)
-    found = calibrate_many(cell, made, eliminate=True)
-    before, after = (_residuals(made.q, planned, theta) for theta in (np.tile(cell.theta, (repeats, 1)), found.theta))
-    error = errors_in_zone(cell, true, found.theta, zone(200))
+    touches = touch_every(cell, true, planned, rng, sigma=SIGMA)
+    fits = calibrate_many(cell, touches, eliminate=True)
+    before, after = (_residuals(touches.q, planned, theta) for theta in (np.tile(cell.theta, (repeats, 1)), fits.theta))
+    error = errors_in_zone(cell, true, fits.theta, zone(200))
     return [
         {
             "initial_rms_mm": float(np.sqrt((before[k] ** 2).mean())),
@@ -147,21 +147,21 @@ def _error_size(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     cell, rows = arc_welder(), []
     for scale in SCALES:
         true = np.tile(cell.theta + scale * (_truth() - cell.theta), (repeats, 1))
-        made = touch_every(cell, true, touches_of_the_paper(), rng, sigma=SIGMA)
-        found = {
-            "one linear step (50)": linear_identification(cell, made, 1, update=False),
-            "repeated linear steps (55)": linear_identification(cell, made, 20, update=False),
-            "nonlinear least squares (51)": calibrate_many(cell, made, priors=False).theta,
+        touches = touch_every(cell, true, touches_of_the_paper(), rng, sigma=SIGMA)
+        methods = {
+            "one linear step (50)": linear_identification(cell, touches, 1, update=False),
+            "repeated linear steps (55)": linear_identification(cell, touches, 20, update=False),
+            "nonlinear least squares (51)": calibrate_many(cell, touches, priors=False).theta,
         }
         initial = errors_in_zone(cell, true, np.tile(cell.theta, (repeats, 1)), zone(200))
-        for method, theta in found.items():
+        for method, theta in methods.items():
             theta = np.where(np.isfinite(theta), theta, 1e6)
             error = np.sqrt((errors_in_zone(cell, true, theta, zone(200)) ** 2).mean(axis=1))
             rows.append(
                 {
                     "times_table_2": scale,
                     "method": method,
-                    "missed": float((~made.hit).sum(axis=1).mean()),
+                    "missed": float((~touches.hit).sum(axis=1).mean()),
                     "initial_zone_rms_mm": float(np.sqrt((initial**2).mean())),
                     "zone_rms_mm": float(np.median(error)),
                 }
@@ -172,15 +172,15 @@ def _error_size(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 def answer(table: Table) -> str:
     """Ours beside the paper's, and where each method breaks."""
     figures = where(table, part="figures")
-    said = {"minutes": where(table, part="minutes")["minutes"][0]}
-    said |= {name: float(np.median(column(figures, name))) for name in PAPER if name.endswith("_mm")}
-    lines = [f"{name}: {said[name]:.3f} (paper {PAPER[name]})" for name in said]
+    figures_of_ours = {"minutes": where(table, part="minutes")["minutes"][0]}
+    figures_of_ours |= {name: float(np.median(column(figures, name))) for name in PAPER if name.endswith("_mm")}
+    lines = [f"{name}: {figures_of_ours[name]:.3f} (paper {PAPER[name]})" for name in figures_of_ours]
     lines.append(f"tip error in the zone, RMS: {np.median(column(figures, 'zone_rms_mm')):.3f} mm (paper: not told)")
     pivots = where(table, part="pivots")
-    kept = dict(zip(pivots["tolerance"], pivots["kept"], strict=True))
+    parameters = dict(zip(pivots["tolerance"], pivots["kept"], strict=True))
     lines.append(
         "kept by pivot tolerance: "
-        + ", ".join(f"{t:.0e}: {int(k)}" for t, k in list(kept.items())[::-1][:8])
+        + ", ".join(f"{t:.0e}: {int(k)}" for t, k in list(parameters.items())[::-1][:8])
         + " (paper 21)"
     )
     sizes = where(table, part="error size")
@@ -195,11 +195,11 @@ def answer(table: Table) -> str:
 def pictures(table: Table) -> dict[str, str]:
     """Methods against the initial error, and the number of parameters against the pivot tolerance."""
     sizes, pivots = where(table, part="error size"), where(table, part="pivots")
-    left = np.minimum(column(sizes, "zone_rms_mm"), 1e3)
+    remainder = np.minimum(column(sizes, "zone_rms_mm"), 1e3)
     chart = Chart(
         "Tip error after identification against the error before, 100 even touches, sigma 0.1 mm",
         logarithmic("RMS tip error in the zone before, mm", column(sizes, "initial_zone_rms_mm")),
-        logarithmic("RMS tip error in the zone after, mm", left),
+        logarithmic("RMS tip error in the zone after, mm", remainder),
         width=640,
     )
     for method in distinct(sizes, "method"):
@@ -211,7 +211,7 @@ def pictures(table: Table) -> dict[str, str]:
     chart.legend([(shade, method) for method, shade in METHODS.items()])
     tolerance = np.log10(column(pivots, "tolerance"))
     ticks = tuple(float(t) for t in tolerance[::4])
-    kept = Chart(
+    count_chart = Chart(
         "Parameters kept by pivot tolerance, of 42; the paper kept 21",
         Axis(
             "tolerance of a pivot of E'E, columns of length 1",
@@ -222,7 +222,7 @@ def pictures(table: Table) -> dict[str, str]:
         ),
         axis("parameters kept", [*pivots["kept"], 0.0]),
     )
-    kept.line(tolerance, column(pivots, "kept"), AFTER)
-    kept.dots(tolerance, column(pivots, "kept"), AFTER, [f"{int(k)}" for k in pivots["kept"]])
-    kept.level(PAPER["kept"], f"the paper's {PAPER['kept']}")
-    return {"paper-methods": picture(chart), "paper-pivots": picture(kept)}
+    count_chart.line(tolerance, column(pivots, "kept"), AFTER)
+    count_chart.dots(tolerance, column(pivots, "kept"), AFTER, [f"{int(k)}" for k in pivots["kept"]])
+    count_chart.level(PAPER["kept"], f"the paper's {PAPER['kept']}")
+    return {"paper-methods": picture(chart), "paper-pivots": picture(count_chart)}

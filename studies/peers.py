@@ -81,11 +81,11 @@ def tasks(small: bool) -> list[dict[str, Any]]:
             {"data": "oed500", "draw": 0, "size": 500, "seconds": 6},
             {"data": "tracker", "draw": 0, "size": 40, "seconds": 6},
         ]
-    found = [
+    rows = [
         {"data": data, "draw": draw, "size": MEASUREMENTS, "seconds": 60} for data in QUESTIONS for draw in range(DRAWS)
     ]
     return [
-        *found,
+        *rows,
         {"data": "oed500", "draw": 0, "size": 500, "seconds": 150},
         {"data": "oed4k", "draw": 0, "size": 4000, "seconds": 90},
     ]
@@ -103,20 +103,20 @@ def run(rng: np.random.Generator, data: str, draw: int, size: int, seconds: floa
     ]
 
 
-def _row(found: dict[str, Any]) -> dict[str, Any]:
+def _row(answer: dict[str, Any]) -> dict[str, Any]:
     numbers = ("cpu_s", "first_s", "runs", "peak_mb", "mean_mm", "max_mm", "efficiency", "weights_efficiency")
-    return {name: float(found.get(name, np.nan)) for name in numbers} | {"result": found.get("result", "done")}
+    return {name: float(answer.get(name, np.nan)) for name in numbers} | {"result": answer.get("result", "done")}
 
 
 def _identified(rng: np.random.Generator, data: str, size: int, seconds: float) -> list[dict[str, Any]]:
     question = QUESTIONS[data](rng, size)
     rows = []
     for racer, method in IDENTIFY[data]:
-        found = race(racer, method, question.told, seconds)
-        if "tip" in found:
-            error = np.linalg.norm(found["tip"] - question.hidden, axis=1)
-            found |= {"mean_mm": error.mean(), "max_mm": error.max()}
-        rows.append(found)
+        answer = race(racer, method, question.told, seconds)
+        if "tip" in answer:
+            error = np.linalg.norm(answer["tip"] - question.hidden, axis=1)
+            answer |= {"mean_mm": error.mean(), "max_mm": error.max()}
+        rows.append(answer)
     return rows
 
 
@@ -125,14 +125,14 @@ def _selected(rng: np.random.Generator, data: str, size: int, seconds: float) ->
     best = _phi(X, approximate_design(X).weights)
     rows = []
     for racer, method in SELECT[data]:
-        found = race(racer, method, {"rows": X, "n": np.array(TOUCHES)}, seconds)
-        if "indices" in found:
-            chosen = np.bincount(found["indices"], minlength=len(X)) / TOUCHES
-            found |= {"efficiency": _phi(X, chosen) / best}
-        if "weights" in found:
-            weights = np.maximum(found["weights"], 0.0)
-            found |= {"weights_efficiency": _phi(X, weights / weights.sum()) / best}
-        rows.append(found)
+        answer = race(racer, method, {"rows": X, "n": np.array(TOUCHES)}, seconds)
+        if "indices" in answer:
+            design = np.bincount(answer["indices"], minlength=len(X)) / TOUCHES
+            answer |= {"efficiency": _phi(X, design) / best}
+        if "weights" in answer:
+            weights = np.maximum(answer["weights"], 0.0)
+            answer |= {"weights_efficiency": _phi(X, weights / weights.sum()) / best}
+        rows.append(answer)
     return rows
 
 
@@ -163,13 +163,13 @@ def _said(table: Table, data: str, method: str) -> str:
     if np.isnan(time):
         reasons = [r for r in where(table, data=data, method=method)["result"] if r != "done"]
         return f"no answer ({reasons[0]})"
-    told = f"{1e3 * time:.3g} ms, {middle(table, data, method, 'peak_mb'):.0f} MB"
+    label = f"{1e3 * time:.3g} ms, {middle(table, data, method, 'peak_mb'):.0f} MB"
     if data in IDENTIFY:
         error = middle(table, data, method, "mean_mm"), middle(table, data, method, "max_mm")
-        return f"{told}, unseen error {error[0]:.4f} mm mean, {error[1]:.3f} mm max"
+        return f"{label}, unseen error {error[0]:.4f} mm mean, {error[1]:.3f} mm max"
     weights = middle(table, data, method, "weights_efficiency")
     of_weights = "" if np.isnan(weights) else f" (weights {weights:.7f})"
-    return f"{told}, D-efficiency {middle(table, data, method, 'efficiency'):.4f}{of_weights}"
+    return f"{label}, D-efficiency {middle(table, data, method, 'efficiency'):.4f}{of_weights}"
 
 
 def ratios(table: Table, data: str) -> list[str]:
@@ -211,8 +211,8 @@ def _chart(table: Table, identify: bool, name: str, title: str) -> str:
     about = "Identification from 100 measurements" if identify else "Choosing 50 touches"
     chart = Chart(f"{about}: {title}", named("", methods), logarithmic(title, list(value.values())), slanted=True)
     for k, data in enumerate(shown):
-        known = [(i, value[data, m]) for i, m in enumerate(methods) if np.isfinite(value[data, m])]
-        x, y = (np.array(part, dtype=float) for part in zip(*known, strict=True)) if known else (np.empty(0),) * 2
+        points = [(i, value[data, m]) for i, m in enumerate(methods) if np.isfinite(value[data, m])]
+        x, y = (np.array(part, dtype=float) for part in zip(*points, strict=True)) if points else (np.empty(0),) * 2
         hints = [f"{methods[int(i)]}, {WORDS[data]}: {v:.4g}" for i, v in zip(x, y, strict=True)]
         chart.dots(x + 0.16 * (k - (len(shown) - 1) / 2), chart.y.scaled(y), COLOURS[data], hints, 4)
     chart.legend([(COLOURS[data], WORDS[data]) for data in shown])

@@ -51,5 +51,5 @@ def _python(racer: str) -> str:
 def _reason(run: "subprocess.CompletedProcess[str]", seconds: float) -> str:
     if run.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return f"not finished after {seconds:g} s of processor time"
-    said = run.stderr.strip().splitlines()
-    return said[-1][:200] if said else f"exit code {run.returncode}"
+    lines = run.stderr.strip().splitlines()
+    return lines[-1][:200] if lines else f"exit code {run.returncode}"

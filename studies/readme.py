@@ -23,8 +23,8 @@ def readme() -> str:
 
 def _section(study: Study) -> str:
     rest = study.story.partition("\n\n")[2]
-    drawn = sorted(PICTURES.glob(f"{study.name}*.svg"))
-    pictures = [f"![{study.question} ({path.stem})](pictures/{path.name})" for path in drawn]
+    charts = sorted(PICTURES.glob(f"{study.name}*.svg"))
+    pictures = [f"![{study.question} ({path.stem})](pictures/{path.name})" for path in charts]
     command = f"```sh\ntouchcal study {study.name}\n```"
     return "\n\n".join([f"## {study.question}", rest, *pictures, command]) + "\n"
 

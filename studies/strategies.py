@@ -51,8 +51,8 @@ def run(rng: np.random.Generator, name: str, n: int, robots: int, offered: int) 
     """One row a robot: its tip error in the zone after calibration."""
     cell = arc_welder()
     theta = draw_many(cell, robots, rng)
-    found = _sequential(rng, n, theta, offered) if name == "sequential" else _at_once(rng, name, n, theta, offered)
-    error = errors_in_zone(cell, theta, found, zone(200))
+    errors = _sequential(rng, n, theta, offered) if name == "sequential" else _at_once(rng, name, n, theta, offered)
+    error = errors_in_zone(cell, theta, errors, zone(200))
     return [
         {
             "strategy": name,
@@ -83,15 +83,17 @@ def _at_once(rng: np.random.Generator, name: str, n: int, theta: np.ndarray, off
 def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int) -> np.ndarray:
     """Robots identified from touches of which the later ones were planned after the first were made."""
     cell, first = arc_welder(), chosen(rng, "V", FIRST, count)
-    found = []
+    errors = []
     for true in theta[:, None]:
-        made = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
+        touches = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
         if n > FIRST:
-            offered = candidate_set(cell, rng, after=calibrate(cell, *made, folds=0), count=count)
+            offered = candidate_set(cell, rng, after=calibrate(cell, *touches, folds=0), count=count)
             rest = plan_of(Setting(offered, "V", "optimal", rng).quickly(n - FIRST))
-            made.append(_touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b"))
-        found.append(calibrate(cell, *made, folds=0).theta)
-    return np.array(found)
+            touches.append(
+                _touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b")
+            )
+        errors.append(calibrate(cell, *touches, folds=0).theta)
+    return np.array(errors)
 
 
 def _touches(planned: Plan, made: ManyTouches, mark: str = "a") -> Touches:
@@ -126,13 +128,13 @@ def medians(table: Table, measure: str = "rms_mm") -> dict[str, dict[int, float]
 
 def answer(table: Table) -> str:
     """Medians over the robots, a line each strategy, the best first."""
-    found = {measure: medians(table, measure) for measure in ("rms_mm", "p95_mm", "max_mm")}
+    curves = {measure: medians(table, measure) for measure in ("rms_mm", "p95_mm", "max_mm")}
     numbers = [int(n) for n in distinct(table, "touches")]
-    order = sorted(found["rms_mm"], key=lambda name: sum(np.log(list(found["rms_mm"][name].values()))))
+    order = sorted(curves["rms_mm"], key=lambda name: sum(np.log(list(curves["rms_mm"][name].values()))))
     lines = [f"{'median over robots, mm':24}" + "".join(f"{f'n = {n}: RMS':>13}{'95 %':>7}{'max':>7}" for n in numbers)]
     for name in order:
         cells = [
-            f"{found['rms_mm'][name][n]:13.3f}{found['p95_mm'][name][n]:7.3f}{found['max_mm'][name][n]:7.3f}"
+            f"{curves['rms_mm'][name][n]:13.3f}{curves['p95_mm'][name][n]:7.3f}{curves['max_mm'][name][n]:7.3f}"
             for n in numbers
         ]
         lines.append(f"{name:24}" + "".join(cells))
@@ -141,20 +143,20 @@ def answer(table: Table) -> str:
 
 def pictures(table: Table) -> dict[str, str]:
     """Tip error by strategy, the best first, a colour for each number of touches."""
-    found = medians(table)
+    curves = medians(table)
     numbers = [int(n) for n in distinct(table, "touches")]
-    names = sorted(found, key=lambda name: found[name][numbers[0]])
+    names = sorted(curves, key=lambda name: curves[name][numbers[0]])
     title = "RMS tip error in the weld zone, mm"
     chart = Chart(
         f"{title}, after calibration: median over robots drawn from the priors",
         named("how touches are chosen: optimal by an index, or else", names),
-        logarithmic(title, [e for line in found.values() for e in line.values()]),
+        logarithmic(title, [e for line in curves.values() for e in line.values()]),
         width=760,
         height=380,
         slanted=True,
     )
     for n, shade in zip(numbers, (BEFORE, AFTER, OUT), strict=False):
-        error = np.array([found[name].get(n, np.nan) for name in names])
+        error = np.array([curves[name].get(n, np.nan) for name in names])
         there = np.flatnonzero(np.isfinite(error))
         hints = [f"{names[i]}, {n} touches: {error[i]:.3f} mm" for i in there]
         chart.dots(there.astype(float), chart.y.scaled(error[there]), shade, hints, 4)

@@ -41,8 +41,8 @@ def run(rng: np.random.Generator, n: int, robots: int, offered: int) -> list[dic
     theta, proud = draw_many(cell, robots, rng), draw_faces(cell, planned.plan, robots, rng)
     rows = []
     for sigma in SIGMAS:
-        made = touch_every(cell, theta, planned.plan, rng, sigma=sigma, proud=proud)
-        error = errors_in_zone(cell, theta, calibrate_many(cell, made, eliminate=False).theta, zone(200))
+        touches = touch_every(cell, theta, planned.plan, rng, sigma=sigma, proud=proud)
+        error = errors_in_zone(cell, theta, calibrate_many(cell, touches, eliminate=False).theta, zone(200))
         rows.append(
             {
                 "touches": n,

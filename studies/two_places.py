@@ -64,11 +64,13 @@ def second_places(
         (f"and {name}, place known", KNOWN, both, prior, tip),
         (f"and {name}, place unknown", 1.0, free, unknown, wider),
     ):
-        found = approximate_design(X, "V", GAP, touches=TOUCHES, prior=P, zone=Z)
-        assert found.gap <= GAP
-        chosen = exact_design(X, TOUCHES, "V", prior=P, zone=Z, relaxation=found, iterations=searches, rng=rng).indices
+        weights = approximate_design(X, "V", GAP, touches=TOUCHES, prior=P, zone=Z)
+        assert weights.gap <= GAP
+        chosen = exact_design(
+            X, TOUCHES, "V", prior=P, zone=Z, relaxation=weights, iterations=searches, rng=rng
+        ).indices
         error = _delivered((here, there), chosen, at, loose * LOOSE, robots, zone, rng)
-        yield Case(what, at, float(np.sqrt(found.value)), error)
+        yield Case(what, at, float(np.sqrt(weights.value)), error)
 
 
 def _place(name: str) -> Float[np.ndarray, " 6"]:
@@ -105,13 +107,13 @@ def _delivered(
     for k, (one, mine) in enumerate(zip(offers, _split(chosen, len(offers[0].rows)), strict=True)):
         if not len(mine):
             continue
-        made = theta if k == 0 else with_second_base(theta, off, at)
+        true = theta if k == 0 else with_second_base(theta, off, at)
         plan, cell = plan_of(one.candidates.take(mine)), one.cell
         proud = draw_faces(cell, plan, robots, np.random.default_rng(faces))
-        touched = touch_every(cell, made, plan, rng, proud=proud)
+        touched = touch_every(cell, true, plan, rng, proud=proud)
         parts.append((k == 1, Problem(cell, touched, True, False), touched))
-    found = identified(first, parts, at, loose, robots)
-    return errors_in_zone(first, theta, found, zone)
+    fits = identified(first, parts, at, loose, robots)
+    return errors_in_zone(first, theta, fits, zone)
 
 
 def _split(chosen: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,8 +129,8 @@ def with_second_base(
     """
     middle = np.eye(4)
     middle[:3, 3] = at[:3] + HIGH
-    moved = middle @ transform(off) @ inverse(middle)
-    return np.hstack([pose(inverse(moved) @ transform(theta[:, :6])), theta[:, 6:]])
+    shift = middle @ transform(off) @ inverse(middle)
+    return np.hstack([pose(inverse(shift) @ transform(theta[:, :6])), theta[:, 6:]])
 
 
 def identified(

@@ -176,7 +176,7 @@ class Sheet:
         return value
 
 
-def read_sheet(path: Path, required: Sequence[str], known: Iterable[str]) -> Sheet:
+def read_sheet(path: Path, required: Sequence[str], optional: Iterable[str]) -> Sheet:
     """Read a CSV file with a header line; unknown columns warn, missing ones and torn lines are noted as mistakes."""
     import warnings
 
@@ -190,8 +190,8 @@ def read_sheet(path: Path, required: Sequence[str], known: Iterable[str]) -> She
     while header and not header[-1]:  # spreadsheets leave commas behind
         header.pop()
     sheet.columns |= {name: [] for name in header}
-    known = {*known, *required}
-    unknown = [name for name in header if name not in known]
+    allowed = {*optional, *required}
+    unknown = [name for name in header if name not in allowed]
     _check_header(sheet, header, required, unknown)
     for line, row in rows:
         _add_row(sheet, header, row, line, torn)
@@ -244,9 +244,9 @@ def nearest(name: str, names: Iterable[str]) -> str:
     """A hint at the name that was meant, or nothing."""
     import difflib
 
-    known = [k for k in names if k]
-    alike = (k for k in known if name and (k.startswith(f"{name}_") or name.startswith(f"{k}_")))  # but for the unit
-    close = difflib.get_close_matches(name, known, 1) or [*alike]
+    named = [k for k in names if k]
+    alike = (k for k in named if name and (k.startswith(f"{name}_") or name.startswith(f"{k}_")))  # but for the unit
+    close = difflib.get_close_matches(name, named, 1) or [*alike]
     return f"; did you mean '{close[0]}'?" if close else ""
 
 

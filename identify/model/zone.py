@@ -36,7 +36,7 @@ def zone_poses(
     rng = np.random.default_rng(20) if rng is None else rng
     zone, robot = zone_of(cell), cell.robot
     theta = cell.theta if theta is None else theta
-    found = np.empty((0, len(robot.joints)))
+    postures = np.empty((0, len(robot.joints)))
     for _ in range(ROUNDS):
         m = 2 * poses
         position = rng.uniform(zone.box[:, 0], zone.box[:, 1], (m, 3))
@@ -52,11 +52,11 @@ def zone_poses(
             free_orientation=len(robot.joints) < 5,
         )
         good = result.q[result.reached()]
-        found = np.concatenate([found, good[in_zone(cell, good, theta)]])
-        if len(found) >= poses:
-            return found[:poses]
-    if len(found):
-        return found
+        postures = np.concatenate([postures, good[in_zone(cell, good, theta)]])
+        if len(postures) >= poses:
+            return postures[:poses]
+    if len(postures):
+        return postures
     raise InputError(
         f"robot '{robot.name}' reaches no pose of the weld zone {np.round(zone.box).tolist()} mm within "
         f"{np.degrees(zone.max_tilt):.0f} degrees of straight down; is the base where cell.yaml says?"

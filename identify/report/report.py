@@ -21,6 +21,7 @@ from identify.uncertainty.promise import INTERVAL
 from identify.uncertainty.zone_map import zone_map
 
 BEYOND = 3.0  # tolerances: a face further off than that stands elsewhere
+WELL_SEEN = 0.2  # of the tolerance of a parameter that is left
 
 
 def report(
@@ -171,10 +172,8 @@ def _parameters(c: Calibration) -> str:
     rows = []
     for i, name in enumerate(names):
         status, sigma = c.status(name), INTERVAL * c.sigma[i] / unit[i]
-        sight = {
-            "estimated": "weak: tolerances tell more" if name in c.weak else "well seen",
-            "fixed": "fixed by the user",
-        }
+        seen = "well seen" if c.sigma[i] < WELL_SEEN * c.cell.prior[i] else "partly seen"
+        sight = {"estimated": "weak: tolerances tell more" if name in c.weak else seen, "fixed": "fixed by the user"}
         words = sight.get(status) or _carried(c, name)
         value, start = c.theta[i] / unit[i], c.start[i] / unit[i]
         estimated, digits = status == "estimated", c.cell.robot.decimals[i]

@@ -55,7 +55,7 @@ def campaign(
     settings = Settings(trust_position=trust_position or connection.port == SIM)
     with only_one(output), progress(not json) as on_progress:
         folder = Folder(output, described, {cell.name: digest(cell)} | dict(described.sources))
-        done = campaign(
+        result = campaign(
             described,
             target_mm=target,
             max_touches=max_touches,
@@ -65,23 +65,23 @@ def campaign(
             tell=(lambda stage: None) if json else _line,
             progress=on_progress,
         )
-    write_calibration(output / "calibration.json", read_calibration(output / f"calibration-{len(done.stages)}.json"))
+    write_calibration(output / "calibration.json", read_calibration(output / f"calibration-{len(result.stages)}.json"))
     if json:
-        print_json(summary(done))
+        print_json(summary(result))
     else:
-        print(story(done, output))
-    return 0 if done.reached else 1
+        print(story(result, output))
+    return 0 if result.reached else 1
 
 
-def summary(done: "Campaign") -> dict[str, Any]:
+def summary(result: "Campaign") -> dict[str, Any]:
     """What `--json` says."""
     return {
-        "touches": done.touches,
-        "hits": sum(stage.hits for stage in done.stages),
-        "target_mm": done.target_mm,
-        "promised_p95_mm": done.promised_mm,
-        "reached": done.reached,
-        "why": done.why,
+        "touches": result.touches,
+        "hits": sum(stage.hits for stage in result.stages),
+        "target_mm": result.target_mm,
+        "promised_p95_mm": result.promised_mm,
+        "reached": result.reached,
+        "why": result.why,
         "stages": [
             {
                 "touches": len(stage.touches),
@@ -91,7 +91,7 @@ def summary(done: "Campaign") -> dict[str, Any]:
                 "scatter": stage.calibration.scatter,
                 "outliers": list(stage.calibration.outliers),
             }
-            for stage in done.stages
+            for stage in result.stages
         ],
     }
 
@@ -103,20 +103,20 @@ def _line(stage: "Stage") -> None:
 def line(stage: "Stage") -> str:
     """A stage in one line."""
     if stage.promised_mm is None:
-        told = "too few to identify the robot"
+        outcome = "too few to identify the robot"
     else:
-        told = f"promised 95 % {stage.promised_mm:.3f} mm, scatter {stage.calibration.scatter:.2f} sigma"
+        outcome = f"promised 95 % {stage.promised_mm:.3f} mm, scatter {stage.calibration.scatter:.2f} sigma"
     left_out = f", {len(stage.calibration.outliers)} left out" if stage.calibration.outliers else ""
     return (
         f"stage {stage.job.number}: tip within {2 * stage.job.deviation:.3g} mm before, {stage.hits} of "
-        f"{len(stage.touches)} touches met the jig{left_out}; {told}"
+        f"{len(stage.touches)} touches met the jig{left_out}; {outcome}"
     )
 
 
-def story(done: "Campaign", folder: Path) -> str:
+def story(result: "Campaign", folder: Path) -> str:
     """The end, as a person reads it."""
-    verdict = "reached" if done.reached else "NOT reached"
+    verdict = "reached" if result.reached else "NOT reached"
     return (
-        f"{verdict} after {done.touches} touches: {done.why}\n"
+        f"{verdict} after {result.touches} touches: {result.why}\n"
         f"wrote {folder / 'calibration.json'}; an accuracy comes from touches not used here: touchcal verify"
     )

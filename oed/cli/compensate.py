@@ -82,15 +82,15 @@ def compensate(
 
     identified = read_calibration(calibration)
     robot = identified.cell.robot
-    wanted = read_poses(poses, trust_units=trust_units)
+    targets = read_poses(poses, trust_units=trust_units)
     options = solving.options(robot)
     with progress(not json, "solving for joints"):
-        result = corrected(identified, wanted.pose, frame=_frame(frame), fixed_to=fixed_to, **options)
-    write_text(output, table(wanted, result, robot))
+        result = corrected(identified, targets.pose, frame=_frame(frame), fixed_to=fixed_to, **options)
+    write_text(output, table(targets, result, robot))
     if json:
-        print_json(summary(wanted, result))
+        print_json(summary(targets, result))
     else:
-        print(story(wanted, result, remarks(identified, "robot" if frame == "jig" else fixed_to), output))
+        print(story(targets, result, remarks(identified, "robot" if frame == "jig" else fixed_to), output))
 
 
 def _frame(text: str) -> "Place":
@@ -101,45 +101,48 @@ def _frame(text: str) -> "Place":
     return numbers(text, 6, "--frame, other than jig or base,") * POSE_UNIT
 
 
-def table(wanted: "Poses", result: "Compensation", robot: "Robot") -> str:
+def table(targets: "Poses", result: "Compensation", robot: "Robot") -> str:
     """The text of corrected.csv."""
     from identify.model.io.entries import POSE_KEYS, POSE_UNIT
     from identify.model.io.tables import joint_columns
 
     command = result.command / POSE_UNIT
-    columns: dict[str, Any] = {"id": wanted.ids, "status": ["left" if reason else "corrected" for reason in result.why]}
+    columns: dict[str, Any] = {
+        "id": targets.ids,
+        "status": ["left" if reason else "corrected" for reason in result.why],
+    }
     columns |= dict(zip(joint_columns(robot), robot.to_controller(result.q).T.round(9), strict=True))
     columns |= dict(zip(POSE_KEYS, command.T.round(9), strict=True))
     return sheet_text(columns | {"note": result.why})
 
 
-def _shift(wanted: "Poses", result: "Compensation") -> np.ndarray:
+def _shift(targets: "Poses", result: "Compensation") -> np.ndarray:
     """How far the commands moved [mm]."""
-    done = result.corrected
-    return np.linalg.norm(result.command[done, :3] - wanted.pose[done, :3], axis=1)
+    corrected = result.corrected
+    return np.linalg.norm(result.command[corrected, :3] - targets.pose[corrected, :3], axis=1)
 
 
-def summary(wanted: "Poses", result: "Compensation") -> dict[str, Any]:
+def summary(targets: "Poses", result: "Compensation") -> dict[str, Any]:
     """What `--json` says."""
-    shift = _shift(wanted, result)
-    left = {name: reason for name, reason in zip(wanted.ids, result.why, strict=True) if reason}
+    shift = _shift(targets, result)
+    uncorrected = {name: reason for name, reason in zip(targets.ids, result.why, strict=True) if reason}
     return {
-        "poses": len(wanted),
+        "poses": len(targets),
         "corrected": len(shift),
-        "left": left,
+        "left": uncorrected,
         "shift_mm": {"median": float(np.median(shift)), "max": float(shift.max())} if len(shift) else None,
         "max_residual_mm": float(result.residual[result.corrected].max(initial=0.0)),
     }
 
 
-def story(wanted: "Poses", result: "Compensation", notes: list[str], output: Path) -> str:
+def story(targets: "Poses", result: "Compensation", notes: list[str], output: Path) -> str:
     """The result as a person reads it."""
-    shift, lines = _shift(wanted, result), [f"{int(result.corrected.sum())} of {len(wanted)} poses corrected"]
+    shift, lines = _shift(targets, result), [f"{int(result.corrected.sum())} of {len(targets)} poses corrected"]
     if len(shift):
         lines[0] += f"; commands moved by {np.median(shift):.3f} mm (median), {shift.max():.3f} mm at most"
-    left = [(name, reason) for name, reason in zip(wanted.ids, result.why, strict=True) if reason]
+    uncorrected = [(name, reason) for name, reason in zip(targets.ids, result.why, strict=True) if reason]
     lines += [f"left as they are: {count} {why}" for why, count in result.left().items()]
-    lines += [f"  {name}: {reason}" for name, reason in left[:SHOWN]]
-    lines += [f"  ... and {len(left) - SHOWN} more, in {output}"] if len(left) > SHOWN else []
+    lines += [f"  {name}: {reason}" for name, reason in uncorrected[:SHOWN]]
+    lines += [f"  ... and {len(uncorrected) - SHOWN} more, in {output}"] if len(uncorrected) > SHOWN else []
     lines += notes
     return "\n".join([*lines, f"wrote {output}"])

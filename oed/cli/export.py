@@ -69,8 +69,8 @@ def _original(identified: "Calibration", urdf: Path | None, base: str | None, fl
 
     if urdf is None:
         return None
-    known = ends_of(identified)
-    first, last = base or (known[0] if known else None), flange or (known[1] if known else None)
+    ends = ends_of(identified)
+    first, last = base or (ends[0] if ends else None), flange or (ends[1] if ends else None)
     if first is None or last is None:
         raise InputError(f"{urdf}: name the links of the chain with --base and --flange")
     return Original(urdf, first, last)

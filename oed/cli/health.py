@@ -81,18 +81,18 @@ def health(
     if touches and run:
         raise InputError("touches are given and --run asks for new ones; give one of the two")
     if not touches:
-        made = _planned(identified, calibration, n, output, seed, again=run)
+        plan = _planned(identified, calibration, n, output, seed, again=run)
         if not run:
-            _tell_plan(identified, made, output, alarm, json)
+            _tell_plan(identified, plan, output, alarm, json)
             return 0
-        touches = (_touches(identified, made, cell, output, port, json),)
+        touches = (_touches(identified, plan, cell, output, port, json),)
     tables, _ = read_measured(touches, identified.cell, trust_units)
-    found = judge(identified, reduce(joined, map(only_touches, tables)), alarm)
+    health = judge(identified, reduce(joined, map(only_touches, tables)), alarm)
     if json:
-        print_json(summary(found))
+        print_json(summary(health))
     else:
-        print(story(identified, found))
-    return 0 if found.verdict == "unchanged" else 1
+        print(story(identified, health))
+    return 0 if health.verdict == "unchanged" else 1
 
 
 def _planned(identified: "Calibration", file: Path, n: int, output: Path, seed: int, again: bool) -> "Plan":
@@ -107,11 +107,11 @@ def _planned(identified: "Calibration", file: Path, n: int, output: Path, seed: 
     if again and output.exists():
         return read_plan(output, identified.cell)
     with progress(True, "choosing touches"):
-        made, order = plan_check(identified.cell, identified, looked_for(identified), n, np.random.default_rng(seed))
-    write_text(output, plan_text(made, identified.cell.robot))
-    told = {"touches": len(made), "minutes": order.minutes, "seed": seed}
-    write_json(output.with_suffix(".json"), told, {file.name: digest(file)})
-    return made
+        plan, order = plan_check(identified.cell, identified, looked_for(identified), n, np.random.default_rng(seed))
+    write_text(output, plan_text(plan, identified.cell.robot))
+    summary_of_plan = {"touches": len(plan), "minutes": order.minutes, "seed": seed}
+    write_json(output.with_suffix(".json"), summary_of_plan, {file.name: digest(file)})
+    return plan
 
 
 def _touches(identified: "Calibration", plan: "Plan", cell: Path, output: Path, port: Port, silent: bool) -> Path:
@@ -136,30 +136,30 @@ def _touches(identified: "Calibration", plan: "Plan", cell: Path, output: Path, 
     return file
 
 
-def _tell_plan(identified: "Calibration", made: "Plan", output: Path, alarm: float, json: bool) -> None:
+def _tell_plan(identified: "Calibration", plan: "Plan", output: Path, alarm: float, json: bool) -> None:
     from identify.health.judge import noticed
 
-    smallest = noticed(identified, _expected(identified, made), alarm)
-    told = {name: change * _factor(identified, name) for name, change in smallest.items()}
+    smallest = noticed(identified, _expected(identified, plan), alarm)
+    sizes = {name: change * _factor(identified, name) for name, change in smallest.items()}
     if json:
-        print_json({"touches": len(made), "notices": {k: v if np.isfinite(v) else None for k, v in told.items()}})
+        print_json({"touches": len(plan), "notices": {k: v if np.isfinite(v) else None for k, v in sizes.items()}})
         return
-    print(f"{len(made)} touches that notice change best; 95 of 100 such checks would notice")
-    for name, change in told.items():
+    print(f"{len(plan)} touches that notice change best; 95 of 100 such checks would notice")
+    for name, change in sizes.items():
         unit = _unit(identified, name)
         print(f"  {_part(name):32}{change:8.3f} {unit}" if np.isfinite(change) else f"  {_part(name):32} not at all")
     print(f"wrote {output}; touchcal health ... --run makes them and judges")
 
 
-def _expected(identified: "Calibration", made: "Plan") -> "Touches":
+def _expected(identified: "Calibration", plan: "Plan") -> "Touches":
     """Touches as they would be read, were every contact where it is planned."""
     from identify.model.touch import Touches
 
-    cell, none = identified.cell, np.full(len(made), np.nan)
-    faces = [cell.the_jig.by_name[name] for name in made.face]
-    offset, sigma = np.array([face.offset for face in faces]), np.full(len(made), cell.touch.sigma)
-    blank = ("",) * len(made)
-    return Touches(made.ids, made.face, made.q, made.normal, offset, sigma, blank, none, blank, blank)
+    cell, none = identified.cell, np.full(len(plan), np.nan)
+    faces = [cell.the_jig.by_name[name] for name in plan.face]
+    offset, sigma = np.array([face.offset for face in faces]), np.full(len(plan), cell.touch.sigma)
+    blank = ("",) * len(plan)
+    return Touches(plan.ids, plan.face, plan.q, plan.normal, offset, sigma, blank, none, blank, blank)
 
 
 def _unit(identified: "Calibration", name: str) -> str:
@@ -181,34 +181,34 @@ def _part(name: str) -> str:
     return f"zero of joint {joint}" if what in {"theta", "d"} else name
 
 
-def summary(found: "Health") -> dict[str, Any]:
+def summary(health: "Health") -> dict[str, Any]:
     """What `--json` says."""
-    first = found.findings[0]
+    first = health.findings[0]
     return {
-        "verdict": found.verdict,
-        "chance": found.chance,
-        "cause": None if found.verdict == "unchanged" else first.cause.name,
+        "verdict": health.verdict,
+        "chance": health.chance,
+        "cause": None if health.verdict == "unchanged" else first.cause.name,
         "sure": first.sure,
-        "whole": found.whole,
+        "whole": health.whole,
         "change": first.change.tolist(),
         "sigma": first.sigma.tolist(),
-        "others": {f.cause.name: f.sure for f in found.findings[1:] if f.sure > SHOWN},
-        "residuals_mm": dict(found.residuals),
+        "others": {f.cause.name: f.sure for f in health.findings[1:] if f.sure > SHOWN},
+        "residuals_mm": dict(health.residuals),
     }
 
 
-def story(identified: "Calibration", found: "Health") -> str:
+def story(identified: "Calibration", health: "Health") -> str:
     """The verdict as a person reads it."""
-    r = np.array(list(found.residuals.values()))
+    r = np.array(list(health.residuals.values()))
     rms = np.sqrt(np.mean(r * r))
-    sizes = f"residuals of {len(r)} touches: RMS {rms:.3f} mm, expected {found.rms_expected_mm:.3f} mm"
-    often = f"residuals like these: {_chance(found.chance)}"
-    if found.verdict == "unchanged":
+    sizes = f"residuals of {len(r)} touches: RMS {rms:.3f} mm, expected {health.rms_expected_mm:.3f} mm"
+    often = f"residuals like these: {_chance(health.chance)}"
+    if health.verdict == "unchanged":
         return f"{sizes}\nunchanged: the robot is the one that was identified ({often})"
-    first = found.findings[0]
-    lines = [sizes, f"{found.verdict}: {_said(identified, first)}; {_sure(first)} sure ({often} without a change)"]
-    lines += [f"  or: {_said(identified, f)} ({_sure(f)})" for f in found.findings[1:] if f.sure > SHOWN]
-    if not found.whole:
+    first = health.findings[0]
+    lines = [sizes, f"{health.verdict}: {_said(identified, first)}; {_sure(first)} sure ({often} without a change)"]
+    lines += [f"  or: {_said(identified, f)} ({_sure(f)})" for f in health.findings[1:] if f.sure > SHOWN]
+    if not health.whole:
         lines.append("this does not explain all of it: more than one thing has changed; identify the robot anew")
     return "\n".join([*lines, CURES.get(first.cause.kind, CURES["parameter"])])
 

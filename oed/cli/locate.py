@@ -59,56 +59,59 @@ def locate(
     if not touches:
         raise InputError("nothing to locate the workpiece by: name a touches.csv with touches on its faces")
     identified, body = read_calibration(calibration), read_jig(named_jig(workpiece))
-    made, inputs = read_measured(touches, replace(identified.cell, jig=body), trust_units)
-    wanted = None if near is None else numbers(near, 6, "--near") * POSE_UNIT
-    found = located(identified, body, reduce(joined, map(only_touches, made)), wanted)
+    tables, inputs = read_measured(touches, replace(identified.cell, jig=body), trust_units)
+    start = None if near is None else numbers(near, 6, "--near") * POSE_UNIT
+    location = located(identified, body, reduce(joined, map(only_touches, tables)), start)
     inputs |= {calibration.name: digest(calibration), workpiece: digest(named_jig(workpiece))}
-    told = summary(identified, found)
-    write_text(output, dumps({"touchcal": version("touchcal"), "inputs": inputs} | told, indent=1) + "\n")
+    facts = summary(identified, location)
+    write_text(output, dumps({"touchcal": version("touchcal"), "inputs": inputs} | facts, indent=1) + "\n")
     if json:
-        print_json(told)
+        print_json(facts)
     else:
-        print(story(found, output))
+        print(story(location, output))
 
 
-def summary(calibration: "Calibration", found: "Location") -> dict[str, Any]:
+def summary(calibration: "Calibration", location: "Location") -> dict[str, Any]:
     """What `--json` says, and the file holds."""
     from identify.model.frames import pose, transform
     from identify.model.io.entries import POSE_KEYS, pose_entry
 
-    jig_T_workpiece = transform(calibration.theta[:6]) @ found.base_T_workpiece
+    jig_T_workpiece = transform(calibration.theta[:6]) @ location.base_T_workpiece
     unit = np.array([1, 1, 1, *[np.pi / 180] * 3])
     return {
-        "workpiece": found.workpiece.name,
-        "base_T_workpiece": pose_entry(found.pose),
+        "workpiece": location.workpiece.name,
+        "base_T_workpiece": pose_entry(location.pose),
         "jig_T_workpiece": pose_entry(pose(jig_T_workpiece)),
-        "sigma": dict(zip((*POSE_KEYS[:3], *TURNS), (found.sigma / unit).tolist(), strict=True)),
-        "covariance": (found.covariance / np.outer(unit, unit)).tolist(),
-        "point_rms_mm": float(found.point_sigma(found.workpiece.corners).max()),
-        "touches": len(found.residuals),
-        "residuals_mm": dict(found.residuals),
-        "chi2": found.chi2,
-        "degrees_of_freedom": found.degrees,
-        "chance": found.chance,
-        "notes": list(found.notes),
+        "sigma": dict(zip((*POSE_KEYS[:3], *TURNS), (location.sigma / unit).tolist(), strict=True)),
+        "covariance": (location.covariance / np.outer(unit, unit)).tolist(),
+        "point_rms_mm": float(location.point_sigma(location.workpiece.corners).max()),
+        "touches": len(location.residuals),
+        "residuals_mm": dict(location.residuals),
+        "chi2": location.chi2,
+        "degrees_of_freedom": location.degrees,
+        "chance": location.chance,
+        "notes": list(location.notes),
     }
 
 
-def story(found: "Location", output: Path) -> str:
+def story(location: "Location", output: Path) -> str:
     """The result as a person reads it."""
     from identify.model.io.entries import POSE_KEYS, POSE_UNIT
     from identify.uncertainty.promise import INTERVAL
     from identify.workpiece.localization import ALARM, said
 
-    spread = INTERVAL * found.sigma[[0, 1, 2, 5, 4, 3]] / POSE_UNIT
-    lines = [f"workpiece '{found.workpiece.name}' in the frame of the base, from {len(found.residuals)} touches", ""]
+    spread = INTERVAL * location.sigma[[0, 1, 2, 5, 4, 3]] / POSE_UNIT
+    lines = [
+        f"workpiece '{location.workpiece.name}' in the frame of the base, from {len(location.residuals)} touches",
+        "",
+    ]
     lines += [f"{'':4}{'pose':>12}{'+- (95 %)':>12}"]
-    for key, value, about, give in zip(POSE_KEYS, found.pose / POSE_UNIT, ABOUT, spread, strict=True):
+    for key, value, about, give in zip(POSE_KEYS, location.pose / POSE_UNIT, ABOUT, spread, strict=True):
         name, unit = key.split("_")
         lines.append(f"{name:4}{value:12.3f}{give:12.3f} {unit}{about}")
-    rms = found.point_sigma(found.workpiece.corners).max()
+    rms = location.point_sigma(location.workpiece.corners).max()
     lines += ["", f"its corners are known to {rms:.3f} mm (RMS, the worst one)"]
-    if found.degrees and found.chance >= ALARM:
-        lines.append(f"residuals are as stated (chi-square {found.chi2:.1f} of {found.degrees})")
-    lines += [f"note: {note}" for note in found.notes]
-    return "\n".join([*lines, f"wrote {output}; programs on it: --frame {said(found.base_T_workpiece)}"])
+    if location.degrees and location.chance >= ALARM:
+        lines.append(f"residuals are as stated (chi-square {location.chi2:.1f} of {location.degrees})")
+    lines += [f"note: {note}" for note in location.notes]
+    return "\n".join([*lines, f"wrote {output}; programs on it: --frame {said(location.base_T_workpiece)}"])

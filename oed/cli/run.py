@@ -229,8 +229,8 @@ def _tell(finished: "Finished", output: Path, delay: "Delay | None", settings: "
     """What a run did."""
     minutes = finished.seconds / 60
     if json:
-        told = {"hits": finished.hits, "touches": finished.total, "minutes": minutes}
-        print_json(told | ({"delay": asdict(delay)} if delay else {}))
+        facts = {"hits": finished.hits, "touches": finished.total, "minutes": minutes}
+        print_json(facts | ({"delay": asdict(delay)} if delay else {}))
         return
     if delay:
         slow = settings.search_speed or 0.0

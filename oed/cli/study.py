@@ -60,20 +60,20 @@ def study(
     from studies.engine import Study, evaluate, write_results
 
     if name is None:
-        questions = {known: Study.named(known).question for known in STUDIES}
+        questions = {study_name: Study.named(study_name).question for study_name in STUDIES}
         print_json(questions) if json else print("\n".join(f"{k:15}{q}" for k, q in questions.items()))
         return
-    asked = Study.named(name)
+    study = Study.named(name)
     folder = Path(f"study-{name}") if output is None else output
-    if asked.alone and not scheduler:
+    if study.alone and not scheduler:
         processes = processes or 1
     with _compute(processes, scheduler, (tls_ca_file, tls_cert, tls_key)) as using, progress(not json) as say:
-        table = evaluate(asked, folder, small=small, seed=seed, using=using, progress=say)
-    files = write_results(asked, table, folder)
+        table = evaluate(study, folder, small=small, seed=seed, using=using, progress=say)
+    files = write_results(study, table, folder)
     if json:
         print_json({"study": name, "rows": len(next(iter(table.values()))), "files": [str(path) for path in files]})
     else:
-        print(f"{asked.answer(table)}\n\nwrote {', '.join(map(str, files))}")
+        print(f"{study.answer(table)}\n\nwrote {', '.join(map(str, files))}")
 
 
 def _compute(

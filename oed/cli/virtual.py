@@ -53,10 +53,10 @@ def virtual(
     if speed <= 0:
         raise InputError(f"--speed is {speed:g}, expected a number above 0")
     try:
-        known = choose_truth(described, truth, seed)
+        chosen_truth = choose_truth(described, truth, seed)
         run(
             described,
-            known,
+            chosen_truth,
             lambda url: print(url, flush=True),
             protocol=protocol,
             port=port,

@@ -28,13 +28,13 @@ def main(racer: str, method: str, problem: str, answer: str, seconds: str) -> No
         return
     with np.load(problem) as file:
         data = dict(file)
-    first, found = timed(solve, data)
+    first, answers = timed(solve, data)
     again: list[float] = []
     while (len(again) < REPEATS or sum(again) < LEAST) and sum(again) + first < SHARE * float(seconds):
         again.append(timed(solve, data)[0])
-    share = found.pop("share", 1.0)  # of a batch
+    share = answers.pop("share", 1.0)  # of a batch
     times = {"first_s": first * share, "cpu_s": min(again or [first]) * share}
-    np.savez(answer, runs=1 + len(again), peak_mb=peak_mb(), **times, **found)  # type: ignore[arg-type]
+    np.savez(answer, runs=1 + len(again), peak_mb=peak_mb(), **times, **answers)  # type: ignore[arg-type]
 
 
 def peak_mb() -> float:
@@ -49,8 +49,8 @@ def peak_mb() -> float:
 def timed(solve: Any, data: dict[str, np.ndarray]) -> tuple[float, dict[str, np.ndarray]]:
     """Processor time of this process [s], and what was found."""
     begin = time.process_time()
-    found = solve(data)
-    return time.process_time() - begin, found
+    answer = solve(data)
+    return time.process_time() - begin, answer
 
 
 if __name__ == "__main__":

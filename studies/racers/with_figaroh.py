@@ -88,13 +88,13 @@ def _identify(problem: Problem, method: str, folder: Path) -> Problem:
     )
     (folder / "racer.yaml").write_text(text)
     robot = load_robot(str(folder / "robot.urdf"), package_dirs=str(folder))
-    made: Any = Calibration(robot, str(folder / "racer.yaml"))
-    made.calib_config |= {"known_baseframe": False, "known_tipframe": False}
-    made.initialize()
-    found, _ = made.solve_optimisation(enable_logging=False)
+    calibration: Any = Calibration(robot, str(folder / "racer.yaml"))
+    calibration.calib_config |= {"known_baseframe": False, "known_tipframe": False}
+    calibration.initialize()
+    solution, _ = calibration.solve_optimisation(enable_logging=False)
     count = len(problem["q_unseen"])
-    config = {**made.calib_config, "NbSample": count}
-    predicted = calc_updated_fkm(made.model, made.data, found.x, problem["q_unseen"], config)
+    config = {**calibration.calib_config, "NbSample": count}
+    predicted = calc_updated_fkm(calibration.model, calibration.data, solution.x, problem["q_unseen"], config)
     return {"tip": 1000 * np.reshape(predicted, (3, count)).T}
 
 

@@ -16,9 +16,9 @@ def robot(problem: Problem) -> Robot:
     theta, d, a, alpha, _ = problem["dh"].T
     before = np.column_stack([np.append(0, alpha[:-1]), np.append(0, a[:-1]), theta, d])
     last = vector_2_matrix(np.array([a[-1], 0, 0, 0, 0, alpha[-1]]))
-    made = Robot(MDHKinematicChain.from_parameters(before), Tool(last @ vector_2_matrix(problem["tool"])))
-    made.world_frame = vector_2_matrix(problem["base"])
-    return made
+    robot = Robot(MDHKinematicChain.from_parameters(before), Tool(last @ vector_2_matrix(problem["tool"])))
+    robot.world_frame = vector_2_matrix(problem["base"])
+    return robot
 
 
 def identify(problem: Problem) -> Problem:
@@ -28,10 +28,10 @@ def identify(problem: Problem) -> Problem:
     handler = OptimizationHandler(
         nominal, kinematic_chain_mask=True, tool_mask=[True] * 3 + [False] * 3, world_mask=True
     )
-    found = least_squares(
+    solution = least_squares(
         fun=optimize_accuracy, x0=handler.generate_optimization_vector(), args=(handler, problem["q"], problem["point"])
     )
-    handler.apply_optimization_vector(found.x)
+    handler.apply_optimization_vector(solution.x)
     return {"tip": np.array([handler.robot.fk(q)[:3, 3] for q in problem["q_unseen"]])}
 
 

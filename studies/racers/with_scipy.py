@@ -57,7 +57,7 @@ def start(problem: Problem) -> np.ndarray:
 def residual(problem: Problem) -> Callable[[np.ndarray], np.ndarray]:
     """What is to be small: touches or positions in units of sigma, then parameters in units of their tolerances."""
     q, sigma, begin = problem["q"], problem["sigma"], start(problem)
-    known = np.isfinite(problem["prior"])
+    proper = np.isfinite(problem["prior"])
     if "normal" in problem:
         n, c, radius = problem["normal"].T, problem["offset"], problem["radius"]
 
@@ -70,15 +70,15 @@ def residual(problem: Problem) -> Callable[[np.ndarray], np.ndarray]:
         def misfit(p: np.ndarray) -> np.ndarray:
             return np.concatenate([(a - b) / sigma for a, b in zip(tip(p, q, ORIGIN, 1.0), point, strict=True)])
 
-    return lambda p: np.concatenate([misfit(p), ((p - begin) / problem["prior"])[known]])
+    return lambda p: np.concatenate([misfit(p), ((p - begin) / problem["prior"])[proper]])
 
 
 def identify(method: Literal["trf", "lm"]) -> Callable[[Problem], Problem]:
     """Least squares with finite differences, parameters scaled by their tolerances."""
 
     def solve(problem: Problem) -> Problem:
-        found = least_squares(residual(problem), start(problem), method=method, x_scale=problem["scale"])
-        return {"tip": np.transpose(tip(found.x, problem["q_unseen"], ORIGIN, 1.0))}
+        solution = least_squares(residual(problem), start(problem), method=method, x_scale=problem["scale"])
+        return {"tip": np.transpose(tip(solution.x, problem["q_unseen"], ORIGIN, 1.0))}
 
     return solve
 

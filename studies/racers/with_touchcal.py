@@ -57,16 +57,16 @@ def measured(problem: Problem) -> Touches | Positions:
 def full(problem: Problem) -> Problem:
     """A calibration with everything that the file of one holds, but for regions held out."""
     cell = cell_of(problem)
-    found = calibrate(cell, measured(problem), folds=0, parameters="identifiable" if cell.base is None else "all")
-    return {"tip": cell.kinematics.tip(problem["q_unseen"], found.theta)[0]}
+    calibration = calibrate(cell, measured(problem), folds=0, parameters="identifiable" if cell.base is None else "all")
+    return {"tip": cell.kinematics.tip(problem["q_unseen"], calibration.theta)[0]}
 
 
 def alone(problem: Problem) -> Problem:
     """One least-squares fit and nothing else: what the others do."""
     cell = cell_of(problem)
     fit = FitProblem.pose(cell, rows(cell.wire, [measured(problem)]), "linear", True, cell.base is None)
-    found = fit.solve(np.zeros(fit.size), 1 / fit.rows.sigma, "linear")
-    return {"tip": cell.kinematics.tip(problem["q_unseen"], fit.theta(found.x))[0]}
+    solution = fit.solve(np.zeros(fit.size), 1 / fit.rows.sigma, "linear")
+    return {"tip": cell.kinematics.tip(problem["q_unseen"], fit.theta(solution.x))[0]}
 
 
 def many(problem: Problem) -> Problem:
@@ -80,8 +80,8 @@ def many(problem: Problem) -> Problem:
         problem["offset"],
         np.full(q.shape[1], float(problem["sigma"])),
     )
-    found = calibrate_many(cell, touches, eliminate=False)
-    tip = cell.kinematics.tip(problem["q_unseen"], found.theta[0])[0]
+    fits = calibrate_many(cell, touches, eliminate=False)
+    tip = cell.kinematics.tip(problem["q_unseen"], fits.theta[0])[0]
     return {"tip": tip, "share": np.array(1 / MANY)}
 
 
@@ -89,9 +89,9 @@ def scipy(problem: Problem) -> Problem:
     """least_squares with our compiled residual and Jacobian."""
     cell = cell_of(problem)
     model, equations, start = measurement_model(cell.robot), rows(cell.wire, [measured(problem)]), cell.theta
-    known = np.isfinite(problem["prior"])
+    proper = np.isfinite(problem["prior"])
     start = np.concatenate([problem["base"], start[6:-6], problem["tool"]])
-    prior = (np.eye(len(start)) / np.where(known, problem["prior"], 1.0)[:, None])[known]
+    prior = (np.eye(len(start)) / np.where(proper, problem["prior"], 1.0)[:, None])[proper]
     memory: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def both(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -111,8 +111,8 @@ def scipy(problem: Problem) -> Problem:
     def jacobian(p: np.ndarray) -> np.ndarray:
         return both(p)[1]
 
-    found = least_squares(residual, start, jac=jacobian, method="trf", x_scale=problem["scale"])
-    return {"tip": cell.kinematics.tip(problem["q_unseen"], found.x)[0]}
+    solution = least_squares(residual, start, jac=jacobian, method="trf", x_scale=problem["scale"])
+    return {"tip": cell.kinematics.tip(problem["q_unseen"], solution.x)[0]}
 
 
 def exact(searches: int | None) -> Callable[[Problem], Problem]:
@@ -120,8 +120,8 @@ def exact(searches: int | None) -> Callable[[Problem], Problem]:
 
     def solve(problem: Problem) -> Problem:
         rng = np.random.default_rng(0)
-        found = exact_design(problem["rows"], int(problem["n"]), rng=rng, iterations=searches)
-        return {"indices": found.indices, "weights": found.relaxation.weights}
+        design = exact_design(problem["rows"], int(problem["n"]), rng=rng, iterations=searches)
+        return {"indices": design.indices, "weights": design.relaxation.weights}
 
     return solve
 

@@ -65,10 +65,10 @@ class Mapped:
                 return False
             part = slice(start, min(start + size, rows))
             # kept in lists: CasADi holds bare pointers to them
-            given = [_whole(a if one else _padded(a[part], size)) for a, one in zip(arguments, shared, strict=True)]
-            found = [np.empty((width * height, size)) for height, width in self.shapes]
-            _evaluate(block, given, found)
-            for o, of_block in zip(out, found, strict=True):
+            inputs = [_whole(a if one else _padded(a[part], size)) for a, one in zip(arguments, shared, strict=True)]
+            outputs = [np.empty((width * height, size)) for height, width in self.shapes]
+            _evaluate(block, inputs, outputs)
+            for o, of_block in zip(out, outputs, strict=True):
                 o[:, part] = of_block[:, : part.stop - start]
             start = part.stop
         return True
@@ -93,10 +93,10 @@ class Mapped:
             size = part.stop - start
             if size not in self._maps:
                 self._maps[size] = self.function.map(size)
-            given = [_whole(np.broadcast_to(a if a.ndim < 2 else a[part], (size, a.shape[-1]))) for a in arguments]
-            found = [np.empty((size, len(o))) for o in out]
-            _evaluate(self._maps[size], given, found)
-            for o, of_rows in zip(out, found, strict=True):
+            inputs = [_whole(np.broadcast_to(a if a.ndim < 2 else a[part], (size, a.shape[-1]))) for a in arguments]
+            outputs = [np.empty((size, len(o))) for o in out]
+            _evaluate(self._maps[size], inputs, outputs)
+            for o, of_rows in zip(out, outputs, strict=True):
                 o[:, part] = of_rows.T
 
 
@@ -106,10 +106,10 @@ def _whole(a: np.ndarray) -> np.ndarray:
 
 def _padded(part: np.ndarray, size: int) -> np.ndarray:
     """Columns of so many rows, the last row repeated to fill them."""
-    found = np.empty((part.shape[1], size))
-    found[:, : len(part)] = part.T
-    found[:, len(part) :] = part[-1][:, None]
-    return found
+    values = np.empty((part.shape[1], size))
+    values[:, : len(part)] = part.T
+    values[:, len(part) :] = part[-1][:, None]
+    return values
 
 
 def _evaluate(function: ca.Function, arguments: list[np.ndarray], out: list[np.ndarray]) -> None:

@@ -22,15 +22,15 @@ def columns(function: ca.Function, shared: Sequence[bool], rows: int) -> ca.Func
     """
     if any(function.instruction_id(k) in BEYOND for k in range(function.n_instructions())):
         return None
-    given = [
+    inputs = [
         ca.MX.sym(function.name_in(i), *((function.numel_in(i), 1) if one else (rows, function.numel_in(i))))
         for i, one in enumerate(shared)
     ]
     with _as_written():
-        columns_in = [ca.vertsplit(a) if one else ca.horzsplit(a) for a, one in zip(given, shared, strict=True)]
+        columns_in = [ca.vertsplit(a) if one else ca.horzsplit(a) for a, one in zip(inputs, shared, strict=True)]
         columns_out = _played(function, columns_in)
-        out = [ca.horzcat(*(_column(value, rows) for value in found)) for found in columns_out]
-    return ca.Function(function.name(), given, out, function.name_in(), function.name_out())
+        out = [ca.horzcat(*(_column(value, rows) for value in outputs)) for outputs in columns_out]
+    return ca.Function(function.name(), inputs, out, function.name_in(), function.name_out())
 
 
 def _played(function: ca.Function, columns_in: list[list[ca.MX]]) -> list[list[ca.MX]]:
@@ -38,17 +38,17 @@ def _played(function: ca.Function, columns_in: list[list[ca.MX]]) -> list[list[c
     out = [[ca.MX(0.0)] * function.numel_out(i) for i in range(function.n_out())]
     values = [ca.MX(0.0)] * function.sz_w()
     for k in range(function.n_instructions()):
-        code, given, to = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        code, inputs, to = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         if code == ca.OP_INPUT:
-            values[to[0]] = columns_in[given[0]][given[1]]
+            values[to[0]] = columns_in[inputs[0]][inputs[1]]
         elif code == ca.OP_OUTPUT:
-            out[to[0]][to[1]] = values[given[0]]
+            out[to[0]][to[1]] = values[inputs[0]]
         elif code == ca.OP_CONST:
             values[to[0]] = ca.MX(function.instruction_constant(k))
-        elif len(given) == 1:
-            values[to[0]] = ca.MX.unary(code, values[given[0]])
+        elif len(inputs) == 1:
+            values[to[0]] = ca.MX.unary(code, values[inputs[0]])
         else:
-            values[to[0]] = ca.MX.binary(code, values[given[0]], values[given[1]])
+            values[to[0]] = ca.MX.binary(code, values[inputs[0]], values[inputs[1]])
     return out
 
 

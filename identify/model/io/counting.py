@@ -44,8 +44,8 @@ def counting_mistakes(document: Document, names: Sequence[str]) -> list[Mistake]
             f"joints.coupled: the robot has no joint '{word}'{nearest(word, names)}", "joints", "coupled", at
         )
         for at, joint, with_, _ in _coupled(entry, names)
-        for word, found in ((at, joint), ((entry.coupled or {})[at].lstrip("+-"), with_))
-        if found is None
+        for word, value in ((at, joint), ((entry.coupled or {})[at].lstrip("+-"), with_))
+        if value is None
     ]
     pairs = [(j, w, s) for _, j, w, s in _coupled(entry, names) if j is not None and w is not None]
     if circle(pairs):

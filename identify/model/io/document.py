@@ -30,9 +30,9 @@ class Document:
         if _depth(text) > DEEPEST:
             raise InputError([Mistake(str(path), 0, f"brackets stand more than {DEEPEST} deep; close them")])
         for number, row in enumerate(text.split("\n"), 1):
-            if found := UNDERSCORED.search(row.partition("#")[0]):
+            if match := UNDERSCORED.search(row.partition("#")[0]):
                 cure = "write it without the underscore, or as a name in quotation marks"
-                raise InputError([Mistake(str(path), number, f"{found[0].strip()} looks like a number; {cure}")])
+                raise InputError([Mistake(str(path), number, f"{match[0].strip()} looks like a number; {cure}")])
         try:
             self.data: Any = YAML().load(text)
         except MarkedYAMLError as error:
@@ -77,8 +77,8 @@ class Document:
 
     def items(self, key: str) -> list[Any]:
         """The items of a list, unchecked; none where there is no list."""
-        found = self.get(key)
-        return found if isinstance(found, list) else []
+        value = self.get(key)
+        return value if isinstance(value, list) else []
 
 
 def _depth(text: str) -> int:
@@ -149,8 +149,8 @@ def usable(raw: Any, model: type[Model]) -> Model | None:
 
 def entries(document: Document, key: str, model: type[Model]) -> list[tuple[int, Model]]:
     """The items of a list that can be read, with their places."""
-    found = [(i, usable(item, model)) for i, item in enumerate(document.items(key))]
-    return [(i, entry) for i, entry in found if entry is not None]
+    entries = [(i, usable(item, model)) for i, item in enumerate(document.items(key))]
+    return [(i, entry) for i, entry in entries if entry is not None]
 
 
 def _mistake(document: Document, model: type[Strict], error: Any) -> Mistake:
@@ -158,9 +158,9 @@ def _mistake(document: Document, model: type[Strict], error: Any) -> Mistake:
     location = tuple(part for part in error["loc"] if not str(part).startswith("<"))  # tags of the unions
     where = ".".join(str(part) for part in location)
     if error["type"] == "extra_forbidden":
-        known = _known_keys(model, location[:-1])
+        known_keys = _known_keys(model, location[:-1])
         return document.wrong(
-            f"unknown key '{where}'{nearest(str(location[-1]), known)}; known: {', '.join(known)}", *location
+            f"unknown key '{where}'{nearest(str(location[-1]), known_keys)}; known: {', '.join(known_keys)}", *location
         )
     if error["type"] == "missing":
         return document.wrong(f"key '{where}' is missing", *location)
@@ -169,11 +169,11 @@ def _mistake(document: Document, model: type[Strict], error: Any) -> Mistake:
 
 def _known_keys(model: type[Strict], location: tuple[int | str, ...]) -> list[str]:
     """The keys allowed at a place of a file."""
-    found: Any = model
+    entry: Any = model
     for part in location:
         if isinstance(part, str):
-            found = next(iter(_models_in(found.model_fields[part].annotation)), None) if found else None
-    return list(found.model_fields) if found else []
+            entry = next(iter(_models_in(entry.model_fields[part].annotation)), None) if entry else None
+    return list(entry.model_fields) if entry else []
 
 
 def _models_in(annotation: Any) -> list[type[Strict]]:

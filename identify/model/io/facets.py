@@ -51,13 +51,13 @@ def faces_of(mesh: Mesh) -> tuple[Face, ...]:
     """The rectangles of a part on which touches can land, each named by its side and by where its middle is [mm]."""
     vertices, triangles = _welded(*mesh)
     corners = vertices[triangles]
-    found = list[Face]()
+    faces = list[Face]()
     for facet in _facets(vertices, triangles):
         if facet.normal[2] >= DOWN:
-            found += _rectangles(facet, vertices, corners)
-    names = _names(found)
-    order = np.lexsort([[f.point(np.array(0.5), np.array(0.5))[k] for f in found] for k in (1, 0, 2)])[::-1]
-    return tuple(Face(names[i], found[i].origin, found[i].u, found[i].v) for i in order.tolist())
+            faces += _rectangles(facet, vertices, corners)
+    names = _names(faces)
+    order = np.lexsort([[f.point(np.array(0.5), np.array(0.5))[k] for f in faces] for k in (1, 0, 2)])[::-1]
+    return tuple(Face(names[i], faces[i].origin, faces[i].u, faces[i].v) for i in order.tolist())
 
 
 def _welded(vertices: np.ndarray, triangles: np.ndarray) -> Mesh:
@@ -155,16 +155,16 @@ def _distance_along(
 def _maximal(free: Bool[np.ndarray, "a b"]) -> list[tuple[int, int, int, int]]:
     """All rectangles of free cells that no larger one holds, as ranges of lines, the largest first."""
     total = np.pad(free.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    found = list[tuple[int, int, int, int]]()
+    rectangles = list[tuple[int, int, int, int]]()
     a = len(free)
     for i in range(a):
         for k in range(a, i, -1):
             full = (total[k, 1:] - total[i, 1:] - total[k, :-1] + total[i, :-1]) == k - i
             ends = np.flatnonzero(np.diff(np.concatenate([[0], full.astype(int), [0]])))
             for m, n in ends.reshape(-1, 2).tolist():
-                if not any(x <= i and k <= y and s <= m and n <= t for x, y, s, t in found):
-                    found.append((i, k, m, n))
-    return found
+                if not any(x <= i and k <= y and s <= m and n <= t for x, y, s, t in rectangles):
+                    rectangles.append((i, k, m, n))
+    return rectangles
 
 
 def _names(faces: list[Face]) -> list[str]:

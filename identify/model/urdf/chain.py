@@ -46,8 +46,8 @@ def read_urdf(path: Path, base: str, flange: str) -> Robot:
         urdf.wrong(None, f"no joint moves between '{base}' and '{flange}'; name the first and last link of the arm")
     if urdf.mistakes:
         raise InputError(urdf.mistakes)
-    found, names = chain(axes, T), _joint_names(joints)
-    shapes = collision_shapes(urdf, base, joints, found.frames)
+    robot_joints, names = chain(axes, T), _joint_names(joints)
+    shapes = collision_shapes(urdf, base, joints, robot_joints.frames)
     if urdf.mistakes:
         raise InputError(urdf.mistakes)
     return Robot(
@@ -55,12 +55,12 @@ def read_urdf(path: Path, base: str, flange: str) -> Robot:
         joints=tuple(
             Joint(names[i], element.get("type") == "prismatic", theta, d, a, alpha, beta, *limits)
             for i, (element, (theta, d, a, alpha, beta), limits) in enumerate(
-                zip(joints, found.links.tolist(), ranges, strict=True)
+                zip(joints, robot_joints.links.tolist(), ranges, strict=True)
             )
         ),
         source=f"{path.name}, from '{base}' to '{flange}'",
-        base_T_first=found.base_T_first,
-        last_T_flange=found.last_T_flange,
+        base_T_first=robot_joints.base_T_first,
+        last_T_flange=robot_joints.last_T_flange,
         shapes=shapes,
     )
 
@@ -120,13 +120,13 @@ def joints_above(urdf: Urdf) -> dict[str, tuple[str, ET.Element]]:
 
 def _climb(urdf: Urdf, above: dict[str, tuple[str, ET.Element]], link: str) -> list[ET.Element]:
     """The joints above a link, up to the root."""
-    found: list[ET.Element] = []
+    elements: list[ET.Element] = []
     while link in above:
         link, element = above[link]
-        if element in found:
+        if element in elements:
             urdf.fail(element, f"joint '{element.get('name', '')}' closes a loop; a chain has two ends")
-        found.append(element)
-    return found
+        elements.append(element)
+    return elements
 
 
 def _listed(links: set[str]) -> str:

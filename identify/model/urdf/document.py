@@ -72,8 +72,8 @@ def parsed(path: Path) -> Urdf:
 
 def end(element: ET.Element, which: str) -> str:
     """The link at one end of a joint."""
-    found = element.find(which)
-    return "" if found is None else found.get("link", "")
+    child = element.find(which)
+    return "" if child is None else child.get("link", "")
 
 
 def origin(urdf: Urdf, element: ET.Element, name: str) -> Float[np.ndarray, "4 4"]:

@@ -79,10 +79,10 @@ class _Tree:
 
     def climb(self, link: str) -> list[str]:
         """A link and those above it, up to the root."""
-        found = [link]
-        while found[-1] in self.above and len(found) <= len(self.links):
-            found.append(self.above[found[-1]][0])
-        return found
+        links = [link]
+        while links[-1] in self.above and len(links) <= len(self.links):
+            links.append(self.above[links[-1]][0])
+        return links
 
     def moving(self, link: str) -> bool:
         """Whether the joint above a link moves on its own."""
@@ -117,8 +117,8 @@ class _Tree:
             if self._distance(name) > 1e-6
         )
         if by_name or beyond:
-            chosen = by_name[0] if by_name else beyond[0][-1]
-            return chosen, "its z axis points out of the wrist"
+            flange = by_name[0] if by_name else beyond[0][-1]
+            return flange, "its z axis points out of the wrist"
         return last, "no frame behind the last joint has its z axis out of the wrist"
 
     def _depth(self, link: str) -> tuple[int, int]:

@@ -42,19 +42,19 @@ def collision_shapes(
 def _places(urdf: Urdf, base: str, moving: Sequence[ET.Element]) -> dict[str, tuple[int, Float[np.ndarray, "4 4"]]]:
     """Link of the chain that each link of the URDF moves with, and where it is at zero; what moves besides is left."""
     joints = [(end(j, "parent"), end(j, "child"), j) for j in urdf.root.iterfind("joint")]
-    found, going = {base: (0, np.eye(4))}, [base]
+    places, going = {base: (0, np.eye(4))}, [base]
     while going:
         here = going.pop()
-        number, T = found[here]
+        number, T = places[here]
         for parent, child, joint in joints:
             fixed = joint.get("type") == "fixed"
             there = child if parent == here else parent
-            if here not in (parent, child) or there in found or not (fixed or joint in moving):
+            if here not in (parent, child) or there in places or not (fixed or joint in moving):
                 continue
             step = origin(urdf, joint, f"joint '{joint.get('name', '')}'")
-            found[there] = (number + (not fixed), T @ (step if parent == here else inverse(step)))
+            places[there] = (number + (not fixed), T @ (step if parent == here else inverse(step)))
             going.append(there)
-    return found
+    return places
 
 
 def _shape(urdf: Urdf, element: ET.Element, what: str, number: int, name: str, pose: Float[np.ndarray, "4 4"]) -> Shape:

@@ -77,9 +77,9 @@ def _row(name: str, explanation: str, column: int = COLUMN) -> str:
 
 def _usage(places: Sequence[Argument], options: Sequence[Argument]) -> list[str]:
     """What must be given, and what may be."""
-    needed = [f"{option.name} {_value(option)}" for option in options if option.required]
-    more = [] if len(needed) == len(options) else ["[OPTIONS]"]
-    return [*needed, *more, *(_place(a) if a.required else f"[{_place(a)}]" for a in places)]
+    required = [f"{option.name} {_value(option)}" for option in options if option.required]
+    more = [] if len(required) == len(options) else ["[OPTIONS]"]
+    return [*required, *more, *(_place(a) if a.required else f"[{_place(a)}]" for a in places)]
 
 
 def _place(argument: Argument) -> str:

@@ -40,5 +40,5 @@ def remaining(seconds: float, share: float) -> str:
     """The time that remains in words, where this share of the work took so many seconds."""
     if not LEAST <= share < 1:
         return ""
-    left = seconds * (1 - share) / share
-    return f"{left:.0f} s left" if left < 90 else f"{left / 60:.0f} min left"
+    rest = seconds * (1 - share) / share
+    return f"{rest:.0f} s left" if rest < 90 else f"{rest / 60:.0f} min left"
