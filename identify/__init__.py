@@ -5,10 +5,11 @@ The front, loaded when it is used:
     read_cell(path), read_robot, read_jig, library       what cell, robot and jig files describe
     read_measurements(path, cell), read_plan             measurements of any kind (read_touches, read_positions), plans
     calibrate(cell, *measured)                           a Calibration; read_calibration, write_calibration
-    verify(calibration, *measured)                       errors where the fit has not looked
-    compensate(calibration, poses)                       joints and command poses
+    zone_promise(calibration)                            the tip error to expect in the weld zone, a Promise
+    verify(calibration, *measured)                       errors where the fit has not looked, a Verification
+    compensate(calibration, poses)                       joints and command poses, a Compensation
     fix, locate, judge                                   programs, workpieces, health
-    Cell, Plan, Touches, Positions, InputError           what these functions take and raise
+    Cell, Plan, Touches, Positions, InputError           what these functions take and raise; touches_text, plan_text
 
 Its rooms, in the order in which data walks through:
 
@@ -29,8 +30,10 @@ from typing import TYPE_CHECKING
 from identify.model import front
 
 if TYPE_CHECKING:
+    from identify.compensation.compensate import Compensation as Compensation
     from identify.compensation.compensate import compensate as compensate
     from identify.estimation.calibrate import calibrate as calibrate
+    from identify.estimation.verification import Verification as Verification
     from identify.estimation.verification import verify as verify
     from identify.health.judge import judge as judge
     from identify.model.cell import Cell as Cell
@@ -43,13 +46,17 @@ if TYPE_CHECKING:
     from identify.model.io.description import read_jig as read_jig
     from identify.model.io.description import read_robot as read_robot
     from identify.model.io.measurements import read_measurements as read_measurements
+    from identify.model.io.tables import plan_text as plan_text
     from identify.model.io.tables import read_plan as read_plan
     from identify.model.io.tables import read_positions as read_positions
     from identify.model.io.tables import read_touches as read_touches
+    from identify.model.io.tables import touches_text as touches_text
     from identify.model.touch import Plan as Plan
     from identify.model.touch import Positions as Positions
     from identify.model.touch import Touches as Touches
     from identify.programs.fixing import fix as fix
+    from identify.uncertainty.calibrated import zone_promise as zone_promise
+    from identify.uncertainty.promise import Promise as Promise
     from identify.workpiece.localization import locate as locate
 
 _FRONT = {
@@ -59,13 +66,15 @@ _FRONT = {
     "model.io.calibration_file": "Calibration read_calibration write_calibration",
     "model.io.description": "library read_cell read_jig read_robot",
     "model.io.measurements": "read_measurements",
-    "model.io.tables": "read_plan read_positions read_touches",
+    "model.io.tables": "plan_text read_plan read_positions read_touches touches_text",
     "estimation.calibrate": "calibrate",
-    "estimation.verification": "verify",
-    "compensation.compensate": "compensate",
+    "estimation.verification": "Verification verify",
+    "compensation.compensate": "Compensation compensate",
     "workpiece.localization": "locate",
     "health.judge": "judge",
     "programs.fixing": "fix",
+    "uncertainty.calibrated": "zone_promise",
+    "uncertainty.promise": "Promise",
 }
 if not TYPE_CHECKING:
     __getattr__, __dir__ = front(__name__, _FRONT)

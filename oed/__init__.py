@@ -2,11 +2,11 @@
 
 The front, loaded when it is used:
 
-    plan(cell, n)                  touches that tell the most about the robot, and what they promise
+    plan(cell, n)                  touches that tell the most about the robot, and what they promise: a PlanResult
     campaign(cell, touch=...)      touch, identify and plan by turns
-    exact_design(rows, n)          the n best of many candidate rows
-    approximate_design(rows)       the best weights on them, with a bound
-    score(...), CRITERIA           what makes one set of touches better than another
+    exact_design(rows, n)          the n best of many candidate rows, an ExactDesign
+    approximate_design(rows)       the best weights on them, with a bound, an ApproximateDesign
+    score(...), CRITERIA           what makes one set of touches better than another, a Criterion each
 
 Its rooms, in the order in which data walks through:
 
@@ -27,15 +27,20 @@ if TYPE_CHECKING:
     from oed.campaigns.campaign import campaign as campaign
     from oed.criteria.criteria import CRITERIA as CRITERIA
     from oed.criteria.criteria import score as score
+    from oed.criteria.criterion import Criterion as Criterion
+    from oed.design.exact import ExactDesign as ExactDesign
     from oed.design.exact import exact_design as exact_design
+    from oed.design.relaxation import ApproximateDesign as ApproximateDesign
     from oed.design.relaxation import approximate_design as approximate_design
+    from oed.planning.plan import PlanResult as PlanResult
     from oed.planning.plan import plan as plan
 
 _FRONT = {
     "criteria.criteria": "CRITERIA score",
-    "design.relaxation": "approximate_design",
-    "design.exact": "exact_design",
-    "planning.plan": "plan",
+    "criteria.criterion": "Criterion",
+    "design.relaxation": "ApproximateDesign approximate_design",
+    "design.exact": "ExactDesign exact_design",
+    "planning.plan": "PlanResult plan",
     "campaigns.campaign": "campaign",
 }
 if not TYPE_CHECKING:

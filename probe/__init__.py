@@ -6,7 +6,7 @@ The front, loaded when it is used:
     Session(path, cell, plan), Settings      the table of touches and its journal; speeds, waits, limits
     rehearse, run, retreat                   a dry run, the touches, the way out of contact
     estimate_delay(results, cell)            how late touches come
-    touch_batch(cell, truth, plan, rng)      touches of a hidden robot (draw_truth), without a port
+    touch_batch(cell, truth, plan, rng)      touches of a hidden robot (draw_truth, a Truth), without a port
 
 Its rooms, in the order in which data walks through:
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from probe.runs.rehearsal import rehearse as rehearse
     from probe.runs.session import Session as Session
     from probe.virtual.batch import touch_batch as touch_batch
+    from probe.virtual.truth import Truth as Truth
     from probe.virtual.truth import draw_truth as draw_truth
 
 _FRONT = {
@@ -41,7 +42,7 @@ _FRONT = {
     "runs.execution": "retreat run",
     "runs.delay": "estimate_delay",
     "virtual.batch": "touch_batch",
-    "virtual.truth": "draw_truth",
+    "virtual.truth": "Truth draw_truth",
 }
 if not TYPE_CHECKING:
     __getattr__, __dir__ = front(__name__, _FRONT)

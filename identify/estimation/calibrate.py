@@ -56,6 +56,8 @@ def calibrate(
     at `start`, or at the nominal robot. Raises InputError if the touches cannot determine the parameters, and
     CalibrationFailed if Ipopt does not converge.
     """
+    if not measured or any(isinstance(tables, list | tuple) for tables in measured):
+        raise TypeError("calibrate takes measurements table by table: calibrate(cell, *read_measurements(path, cell))")
     rng = np.random.default_rng(0) if rng is None else rng
     whole = equations(cell, measured)
     problem = Problem.pose(cell, whole, loss, priors, parameters == "identifiable")

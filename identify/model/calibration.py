@@ -110,6 +110,13 @@ class Calibration:
     promise: Mapping[str, float] | None = None  # rms_mm and p95_mm in the weld zone; None if there is no zone
     spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # where data was: joints and tip, file units
 
+    def __repr__(self) -> str:
+        promise = "none" if self.promise is None else f"{self.promise['p95_mm']:.3f} mm at 95 % of the weld zone"
+        return (
+            f"<Calibration of {self.cell.robot.name}: {len(self.estimated)} of {len(self.theta)} parameters from "
+            f"{len(self.residuals)} measurements, fit {self.fit.rms_mm:.3f} mm RMS, promise {promise}>"
+        )
+
     @cached_property
     def index(self) -> list[int]:
         """Places of the estimated parameters among all."""

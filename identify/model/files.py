@@ -176,8 +176,9 @@ class Sheet:
         return value
 
 
-def read_sheet(path: Path, required: Sequence[str], optional: Iterable[str]) -> Sheet:
+def read_sheet(path: Path | str, required: Sequence[str], optional: Iterable[str]) -> Sheet:
     """Read a CSV file with a header line; unknown columns warn, missing ones and torn lines are noted as mistakes."""
+    path = Path(path)
     import warnings
 
     text = read_text(path)
@@ -193,6 +194,9 @@ def read_sheet(path: Path, required: Sequence[str], optional: Iterable[str]) -> 
     allowed = {*optional, *required}
     unknown = [name for name in header if name not in allowed]
     _check_header(sheet, header, required, unknown)
+    for name in unknown:
+        if with_unit := [column for column in sorted(allowed) if column.rpartition("_")[0] == name]:
+            sheet.at(1, f"column '{name}' has no unit; write it as {' or '.join(map(repr, with_unit))}")
     for line, row in rows:
         _add_row(sheet, header, row, line, torn)
     if torn:
@@ -222,7 +226,9 @@ def _check_header(sheet: Sheet, header: list[str], required: Sequence[str], unkn
         sheet.at(1, f"column {', '.join(map(repr, repeated))} stands twice in the header; keep one")
     for name in required:
         if name not in sheet.columns:
-            sheet.at(1, f"column '{name}' is missing{nearest(name, unknown)}")
+            near = nearest(name, unknown).removeprefix("; did you mean ").removesuffix("?")
+            cure = f"; if {near} is meant, write it under this name, in this unit" if near else ""
+            sheet.at(1, f"column '{name}' is missing{cure}")
 
 
 def _add_row(sheet: Sheet, header: list[str], row: list[str], line: int, torn: int) -> None:

@@ -45,8 +45,8 @@ def study(
     small
         A few robots only: to see that it works.
     processes
-        Worker processes on this machine; one a core if not given, 1 computes in this process, as studies do that read
-        clocks.
+        Worker processes on this machine, by the package `distributed`; one a core if not given. 1, or no such package,
+        computes in this process, as studies do that read clocks.
     scheduler
         The address of a Dask scheduler whose workers have touchcal installed.
     tls_ca_file
@@ -81,6 +81,8 @@ def _compute(
 ) -> AbstractContextManager["Compute"]:
     """Where the tasks are computed; raises InputError for words that do not go together."""
     import os
+    import sys
+    from importlib.util import find_spec
 
     from studies import cluster, engine
 
@@ -92,5 +94,8 @@ def _compute(
         raise InputError(f"--processes is {processes}, expected 1 or more")
     if scheduler:
         return cluster.scheduler(scheduler, cluster.Tls(*tls))
+    if not processes and find_spec("distributed") is None:
+        print("touchcal: one process; pip install 'touchcal[studies]' to compute on all cores", file=sys.stderr)
+        processes = 1
     count = processes or os.cpu_count() or 1
     return nullcontext(engine.here) if count == 1 else cluster.local(count)

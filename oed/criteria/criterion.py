@@ -28,10 +28,11 @@ STEP = 1e-5  # of the finite differences there, relative
 class Criterion(ABC):
     """One way to score the information of a set of touches.
 
-    A subclass defines `raw`, `slope` and `curvature`; the rest follows. `degree` says how the value grows when the
-    information is scaled, as information**degree: with a positive or zero degree larger is better. `keeps` is what
-    survives a change of units or of base frame, that is rows X T for a regular T: the ranking of all designs, the value
-    itself (the zone changes along), or nothing unless T is a rotation.
+    A subclass defines `raw`, `slope`, `curvature` and `in_basis`; the rest follows. `degree` says how the value grows
+    when the information is scaled, as information**degree: with a positive or zero degree larger is better. `keeps`
+    says what stays the same when the parameters are measured in other units or in another frame, so that rows X become
+    X T and the information M becomes T' M T: "ranking", the order of all designs, as for D; "value", the value itself,
+    as for V, whose zone changes along; "rotation", only if T is a rotation, as for A.
     """
 
     name: str

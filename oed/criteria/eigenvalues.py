@@ -89,6 +89,17 @@ class PowerMean(EigenvalueCriterion):
 
     exponent: float = 0.5
 
+    def __post_init__(self) -> None:
+        """Raise ValueError if the function is not the mean of this order: its bound would be that of another one."""
+        samples = np.array([[1.0, 2.0, 5.0], [0.1, 3.0, 4.0]])
+        if type(self) is PowerMean and self.back is None:
+            first, second = (float(self.power(self.at(x))) - self.smooth(np.diag(x)) for x in samples)
+            if abs(first - second) > 1e-9:
+                raise ValueError(
+                    f"{self.name}: its function is no power mean of the eigenvalues of order {self.exponent:g} to the "
+                    f"power of {self.degree:g}; correct the function, its degree or its exponent"
+                )
+
     def smooth(self, M: Square) -> float:
         """Logarithm of the sum, to the power of -1/q."""
         eigenvalues = self.numbers(M)

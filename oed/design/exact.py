@@ -23,6 +23,7 @@ from oed.design.relaxation import ApproximateDesign
 CLOSE = 0.95  # candidates whose gain is this close to what weight needs make the pool,
 POOL = 500, 1500  # so many rows at the least and at the most, more for many touches
 RIDGE = 1e-9  # of the information of the relaxation, so that any set has an inverse
+ROUNDING = 1e-6  # of an efficiency of one
 CHUNK = 4096  # candidates compared with a set at once
 FINAL = 3  # sets of the search that are compared with every candidate
 PASSES = 50  # of that comparison; 2 to 5 are usual
@@ -111,11 +112,17 @@ def _design(
     indices = np.concatenate([problem.fixed, chosen])
     total = problem.known + information(problem.rows[chosen])
     value = float(problem.criterion.value(total, len(indices)))
+    efficiency = problem.criterion.phi(total) / level
+    if efficiency > 1 + ROUNDING:
+        raise ValueError(
+            f"{problem.criterion.name}: a design is {efficiency:.3f} times as good as its bound; the relaxation is of "
+            "another problem, or value, slope and degree of the criterion do not agree"
+        )
     return ExactDesign(
         criterion=problem.criterion.name,
         indices=indices,
         value=value,
-        efficiency=problem.criterion.phi(total) / level,
+        efficiency=efficiency,
         relaxation=relaxation,
         searches=searches,
     )

@@ -100,8 +100,9 @@ class _File(_Strict):
     spans: dict[str, tuple[float, float]] = {}
 
 
-def write_calibration(path: Path, calibration: Calibration) -> None:
+def write_calibration(path: Path | str, calibration: Calibration) -> None:
     """Write calibration.json, whole or not at all."""
+    path = Path(path)
     write_text(path, json.dumps(calibration_entry(calibration), indent=1) + "\n")
 
 
@@ -166,8 +167,9 @@ def _shared_entry(c: Calibration, sigma: Float[np.ndarray, " shared"]) -> dict[s
     return {"faces": [face.model_dump() for face in faces], "shared": [entry.model_dump() for entry in shared]}
 
 
-def read_calibration(path: Path) -> Calibration:
+def read_calibration(path: Path | str) -> Calibration:
     """Read calibration.json, of this version or of the first; raises InputError if it is not one."""
+    path = Path(path)
     text = read_text(path)
     try:
         file = _File.model_validate_json(text)

@@ -24,8 +24,9 @@ def library(kind: Literal["robots", "jigs", "cells"]) -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
 
 
-def read_cell(path: Path) -> Cell:
+def read_cell(path: Path | str) -> Cell:
     """Read cell.yaml and the robot and jig that it names; raises InputError with every mistake of all of them."""
+    path = Path(path)
     document = Document(path)
     file, mistakes = validated(document, CellFile)
     sources = {path.name: digest(path)}
@@ -46,8 +47,9 @@ def read_cell(path: Path) -> Cell:
     return cell
 
 
-def read_robot(path: Path) -> Robot:
+def read_robot(path: Path | str) -> Robot:
     """Read robot.yaml; raises InputError with every mistake."""
+    path = Path(path)
     document = Document(path)
     file, mistakes = validated(document, RobotFile)
     mistakes += robot_mistakes(document)
@@ -59,8 +61,9 @@ def read_robot(path: Path) -> Robot:
     return robot
 
 
-def read_jig(path: Path) -> Jig:
+def read_jig(path: Path | str) -> Jig:
     """Read jig.yaml; raises InputError with every mistake."""
+    path = Path(path)
     document = Document(path)
     file, mistakes = validated(document, JigFile)
     mistakes += jig_mistakes(document)

@@ -14,6 +14,7 @@ from identify.model.io.tables import (
     joint_columns,
     joints_of,
     positions_of,
+    refuse_plan,
     rows_of,
     sigma_of,
     touch_columns,
@@ -29,13 +30,14 @@ COLUMNS = {"distance": ("anchor", "distance_mm"), "contact": ("point",), "pose":
 """Columns by which a row shows its kind; a row that fills none of them is a touch."""
 
 
-def read_measurements(path: Path, cell: Cell, *, trust_units: bool = False) -> tuple[Measured, ...]:
+def read_measurements(path: Path | str, cell: Cell, *, trust_units: bool = False) -> tuple[Measured, ...]:
     """Read touches, positions, poses, distances and contacts, a table each; raises InputError with every mistake.
 
     Rows may name a further `placement` or `tool` of the cell.
     """
     known = [*touch_columns(cell.robot), *CONDITIONS, *(c for columns in COLUMNS.values() for c in columns)]
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], known)
+    refuse_plan(sheet)
     sheet.ids()
     kinds = _kinds(sheet)
     tables = [

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.cell import Cell
-from identify.model.files import Sheet, read_sheet, sheet_text
+from identify.model.files import InputError, Sheet, read_sheet, sheet_text
 from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
 
@@ -32,16 +32,24 @@ def touch_columns(robot: Robot) -> list[str]:
     return [*measured, *joint_columns(robot, APPROACH)]
 
 
-def read_touches(path: Path, cell: Cell, *, trust_units: bool = False) -> Touches:
+def read_touches(path: Path | str, cell: Cell, *, trust_units: bool = False) -> Touches:
     """Read the rows of touches.csv that happened (status hit, or no status column).
 
     Raises InputError with every mistake: unknown faces, numbers that are none, duplicate ids, radians, metres.
     """
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], touch_columns(cell.robot))
+    refuse_plan(sheet)
     sheet.ids()
     touches = touches_of(sheet, cell, trust_units)
     sheet.stop()
     return touches
+
+
+def refuse_plan(sheet: Sheet) -> None:
+    """Raise InputError for a plan, whose joint angles are those to reach and not those of a touch."""
+    approach = any(name.startswith(APPROACH) for name in sheet.columns)
+    if approach and "status" not in sheet.columns and {"face", *POINT} <= sheet.columns.keys():
+        raise InputError(f"{sheet.file}: this is a plan, not touches; make them: touchcal run {sheet.file}")
 
 
 def touches_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Touches:
@@ -73,7 +81,7 @@ def touches_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Touches:
     )
 
 
-def read_positions(path: Path, cell: Cell, *, trust_units: bool = False) -> Positions:
+def read_positions(path: Path | str, cell: Cell, *, trust_units: bool = False) -> Positions:
     """Read positions.csv: tip positions measured in the jig frame; raises InputError with every mistake."""
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot), *POINT], ["sigma_mm"])
     sheet.ids()
@@ -93,7 +101,7 @@ def positions_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
     return Positions(ids, q, point, sigma)
 
 
-def read_plan(path: Path, cell: Cell) -> Plan:
+def read_plan(path: Path | str, cell: Cell) -> Plan:
     """Read plan.csv; raises InputError with every mistake."""
     robot = cell.robot
     vias = [joint_columns(robot, f"via{k + 1}_") for k in range(VIAS)]

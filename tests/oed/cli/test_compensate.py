@@ -86,7 +86,7 @@ def test_compensate_can_be_told_how_far_joints_may_move(project, touchcal):
         (POSES + "a,0.5,0.2,0.3,0,0,180\n", "no pose lies 5 mm from the origin: metres?"),
         (POSES + "a,500,2,3,4,5,180\na,500,2,3,4,5,180\n", "poses.csv:3: id 'a' stands already in line 2"),
         (POSES + ",500,2,3,4,5,180\n", "poses.csv:2: id is empty"),
-        (POSES.replace("rx_deg", "rx_rad") + "a,1,2,3,4,5,6\n", "column 'rx_deg' is missing; did you mean 'rx_rad'?"),
+        (POSES.replace("rx_deg", "rx_rad") + "a,1,2,3,4,5,6\n", "column 'rx_deg' is missing; if 'rx_rad' is meant"),
     ],
 )
 def test_mistakes_in_poses_are_named_with_their_line(text, sentence, project, touchcal):

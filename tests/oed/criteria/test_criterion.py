@@ -155,3 +155,16 @@ def test_a_row_with_other_words_is_all_that_another_power_mean_takes():
 def inverse_square_mean(sigma):
     """One over the norm of the covariance."""
     return (sigma**-4).sum(axis=-1) ** -0.5
+
+
+def test_a_function_that_is_no_mean_of_the_order_given_is_refused():
+    with pytest.raises(ValueError, match=r"power 2: its function is no power mean of the eigenvalues of order 0.5"):
+        replace(CRITERIA["O5"], name="power 2", degree=1.0, function=inverse_square_mean)
+
+
+def test_no_design_is_better_than_a_bound_that_is_not_its_own():
+    rows = np.random.default_rng(5).normal(size=(60, 3))
+    of_less = approximate_design(rows / 2, "D", touches=6)
+
+    with pytest.raises(ValueError, match=r"D: a design is .* times as good as its bound"):
+        exact_design(rows, 6, "D", relaxation=of_less)

@@ -88,3 +88,16 @@ def test_a_distance_that_is_none_is_refused(read, distance, words):
 
     assert found[0][0] == 2
     assert words in found[0][1]
+
+
+def test_a_plan_is_not_taken_for_measurements(read):
+    approach = ",".join(f"approach_{name}" for name in JOINTS.split(","))
+
+    with pytest.raises(InputError, match=r"this is a plan, not touches; make them: touchcal run .*measured.csv"):
+        read(f"id,face,x_mm,y_mm,z_mm,{JOINTS},{approach}\n1,top-high,1,2,300,{Q},{Q}\n")
+
+
+def test_a_column_without_its_unit_is_not_passed_over(read):
+    assert wrong(read, f"id,face,sigma,{JOINTS}\na,top-high,0.2,{Q}\n") == [
+        (1, "column 'sigma' has no unit; write it as 'sigma_deg' or 'sigma_mm'")
+    ]

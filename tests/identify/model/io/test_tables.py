@@ -110,7 +110,11 @@ MISTAKES = {
     "normal too long": ("0,0.6,-0.8", "0,6,-8", "4: the normal has length 10, expected 1; divide nx, ny, nz by 10"),
     "face and another plane": ("right-low,,,,", "right-low,1,0,0,340", "5: the plane in numbers is not that of face"),
     "sigma zero": ("120.5,0.1", "120.5,0", "4: sigma_mm is 0, expected a length above 0"),
-    "column missing": ("q2_deg,", "q2,", "1: column 'q2_deg' is missing; did you mean 'q2'?"),
+    "column missing": (
+        "q2_deg,",
+        "q2,",
+        "1: column 'q2_deg' is missing; if 'q2' is meant, write it under this name, in this unit",
+    ),
     "column twice": ("q3_deg,q4_deg", "q3_deg,q3_deg,q4_deg", "1: column 'q3_deg' stands twice in the header"),
 }
 
