@@ -195,7 +195,9 @@ def read_sheet(path: Path | str, required: Sequence[str], optional: Iterable[str
     unknown = [name for name in header if name not in allowed]
     _check_header(sheet, header, required, unknown)
     for name in unknown:
-        if with_unit := [column for column in sorted(allowed) if column.rpartition("_")[0] == name]:
+        if with_unit := [
+            column for column in sorted(allowed.difference(required)) if column.rpartition("_")[0] == name
+        ]:
             sheet.at(1, f"column '{name}' has no unit; write it as {' or '.join(map(repr, with_unit))}")
     for line, row in rows:
         _add_row(sheet, header, row, line, torn)
