@@ -1,7 +1,7 @@
 """The cell: a robot, the jig before it, where it stands, what it carries, and how it touches."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -100,6 +100,29 @@ class Spacing:
     sigma: float = 0.02  # [mm]
 
 
+@dataclass(frozen=True)
+class Device:
+    """What makes measurements of one kind: how long one takes, how exact it is, and where it can measure."""
+
+    minutes: float = 0.25  # a measurement takes, getting there included
+    sigma: float | None = None  # [mm], scatter; None: that of touches
+    turn_sigma: float = 0.02 * DEG  # [rad], scatter of a measured orientation about each axis
+    range: tuple[float, float] = (200.0, 1000.0)  # [mm], shortest and longest distance
+    max_tilt: float = 60 * DEG  # [rad], of a ball bar or a wire, and of the tool at a point, from the vertical
+    box: Float[np.ndarray, "3 2"] | None = field(default=None, compare=False)  # [mm], what a tracker sees; None: usual
+
+
+DEVICES: dict[str, Device] = {
+    "touch": Device(minutes=0.1),
+    "position": Device(minutes=0.15),
+    "pose": Device(minutes=0.15),
+    "distance": Device(minutes=0.25),
+    "contact": Device(minutes=1.0),
+}
+"""Devices by kind of measurement, as a cell has them that says nothing else: a touch is a search of some seconds, a
+tracker waits until the robot stands still, the end of a ball bar is carried along, a socket is approached by hand."""
+
+
 @dataclass(frozen=True, eq=False)
 class Cell:
     """Everything that is known before the first touch."""
@@ -122,6 +145,7 @@ class Cell:
     """Further wires or targets [mm, rad], flange -> tip as `tool` is; None: to be fitted."""
     points: Mapping[str, Point] = field(default_factory=dict)
     spacings: tuple[Spacing, ...] = ()
+    devices: Mapping[str, Device] = field(default_factory=dict)  # by kind of measurement; DEVICES for the others
     serial: str = ""  # number of the robot
     obstacles: tuple[Shape, ...] = ()  # table, positioner, fence; their poses are in the jig frame
 
@@ -175,6 +199,15 @@ class Cell:
         if self.jig is None:
             raise InputError("the cell has no jig; name one in cell.yaml (jig: library:step-block)")
         return self.jig
+
+    def device(self, kind: str) -> Device:
+        """What makes measurements of a kind, with the scatter that it has here."""
+        device = self.devices.get(kind) or DEVICES.get(kind) or Device()
+        return device if device.sigma is not None else replace(device, sigma=self.touch.sigma)
+
+    def sigma(self, kind: str) -> float:
+        """The scatter of measurements of a kind that state none [mm]."""
+        return self.device(kind).sigma or self.touch.sigma
 
     @property
     def places(self) -> dict[str, Float[np.ndarray, " 3"]]:

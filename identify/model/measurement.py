@@ -244,14 +244,35 @@ class Kind:
     rows: Callable[[Wire, Any, Places], Rows]
     columns: tuple[str, ...]
     needs: str  # of the cell
+    does: str = "stand still and measure"  # what device or operator do for one; {name} stands for a column of the table
 
 
 MEASUREMENTS: dict[str, Kind] = {
-    "touch": Kind(Touches, _touch_rows, ("face",), "a jig, or a plane with each touch"),
-    "position": Kind(Positions, _position_rows, ("x_mm", "y_mm", "z_mm"), "a tracker in the jig frame"),
-    "pose": Kind(Poses, _pose_rows, ("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg"), "a tracker of six axes"),
-    "distance": Kind(Distances, _distance_rows, ("anchor", "distance_mm"), "points: with the anchors"),
-    "contact": Kind(Contacts, _contact_rows, ("point",), "points: with the sockets"),
+    "touch": Kind(Touches, _touch_rows, ("face",), "a jig, or a plane with each touch", "search {face}"),
+    "position": Kind(
+        Positions,
+        _position_rows,
+        ("x_mm", "y_mm", "z_mm"),
+        "a tracker in the jig frame",
+        "stand still; the tracker reads the position",
+    ),
+    "pose": Kind(
+        Poses,
+        _pose_rows,
+        ("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg"),
+        "a tracker of six axes",
+        "stand still; the tracker reads the pose",
+    ),
+    "distance": Kind(
+        Distances,
+        _distance_rows,
+        ("anchor", "distance_mm"),
+        "points: with the anchors",
+        "stand still; read the distance to {anchor}",
+    ),
+    "contact": Kind(
+        Contacts, _contact_rows, ("point",), "points: with the sockets", "bring the tip into {point}; read the joints"
+    ),
 }
 """Kinds of measurements by their names."""
 

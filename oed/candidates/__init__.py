@@ -1,4 +1,4 @@
-"""The touches that can be made.
+"""The touches and the other measurements that can be made.
 
 In the order in which data walks through:
 
@@ -7,5 +7,6 @@ In the order in which data walks through:
     ik_branches   all branches of the inverse kinematics of many poses
     feasibility   whether a touch can be made: contact, way from the approach, search beyond
     candidates    contact points, wire, joint values of contact and approach
+    kinds         positions, poses, distances and contacts that can be measured
     even          points spread evenly over the faces, and random ones
 """

@@ -9,6 +9,7 @@ In the order in which data walks through:
     jig         a jig proposed from the mesh of a part
     check       the cell validated and compared with the pendant
     plan        touches chosen
+    plans       plans of several kinds of measurements
     run         touches made
     program     touches as a program in the controller's own language
     import_log  touches from what such a program logged

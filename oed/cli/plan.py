@@ -1,6 +1,6 @@
 """`touchcal plan`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,10 +10,12 @@ from cyclopts import Parameter
 
 from identify.model.files import InputError, digest, write_json, write_text
 from oed.cli.options import CellFile, Flag, Json, Output, Seed, load_cell, numbers, print_json
+from oed.cli.plans.kinds import Asked, plan_of_kinds
 from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
     from identify.model.cell import Cell
+    from oed.planning.plan import PlanResult
     from oed.planning.workpiece import WorkpiecePlan
 
 
@@ -35,6 +37,11 @@ class Choice:
     """So many robots drawn from the tolerances, or from what the calibration leaves open, are planned for at once."""
     worst: Flag = False
     """Plan for the worst of these robots, not for their mean."""
+    kinds: str | None = None
+    """Kinds of measurements to choose from, with commas between them: touch, position, pose, distance, contact. One
+    design weighs all of them, with the minutes that each takes (measure: in cell.yaml) as its cost."""
+    budget: str | None = None
+    """How long measuring may take: 15min, 1h, 90s; a number alone means minutes. It goes with --kinds."""
     seconds: float | None = None
     """So long the plan may search for better touches, and for a better bound on all touches; a few seconds if not
     given. What it finds then depends on the machine."""
@@ -78,6 +85,8 @@ def plan(
 
         touchcal plan --unseen -n 20 --after calibration.json
 
+        touchcal plan --kinds touch,distance --budget 15min
+
     Parameters
     ----------
     after
@@ -86,22 +95,20 @@ def plan(
         Where the plan is written.
     """
     from identify.model.io.calibration_file import read_calibration
-    from identify.model.io.tables import plan_text
-    from identify.report.plan import plan_page
-    from oed.planning.plan import plan, summary
+    from oed.planning.plan import plan
 
     if choice.robust < 0:
         raise InputError(f"--robust is {choice.robust}, expected how many robots to draw, 10 for example")
     described = load_cell(cell)
     if body.workpiece is not None:
-        _plan_workpiece(body.workpiece, body.at, described, cell, choice.n, after, output, seed, json)
-        return
+        return _plan_workpiece(body.workpiece, body.at, described, cell, choice.n, after, output, seed, json)
     if choice.unseen:
         from oed.cli.verify import plan_touches
 
-        plan_touches(described, cell, choice.n, after, output, seed, json)
-        return
+        return plan_touches(described, cell, choice.n, after, output, seed, json)
     calibration = None if after is None else read_calibration(after)
+    if choice.kinds is not None or choice.budget is not None:
+        return plan_of_kinds(_asked(choice), described, cell, calibration, output, seed, json)
     with progress(not json) as on_progress:
         result = plan(
             described,
@@ -116,14 +123,31 @@ def plan(
             seconds=choice.seconds,
             progress=on_progress,
         )
-    write_text(output, plan_text(result.plan, described.robot))
+    _write(result, described, cell, output, seed, json)
+
+
+def _write(result: "PlanResult", cell: "Cell", cell_file: Path, output: Path, seed: int, json: bool) -> None:
+    """Write plan.csv, plan.json and plan.html, and say what the plan promises."""
+    from identify.model.io.tables import plan_text
+    from identify.report.plan import plan_page
+    from oed.planning.plan import summary
+
+    write_text(output, plan_text(result.plan, cell.robot))
     told = summary(result) | {"seed": seed}
-    write_json(output.with_suffix(".json"), told, {cell.name: digest(cell)} | dict(described.sources))
-    write_text(output.with_suffix(".html"), plan_page(described, result.plan, told))
+    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file)} | dict(cell.sources))
+    write_text(output.with_suffix(".html"), plan_page(cell, result.plan, told))
     if json:
         print_json(told)
     else:
         print(story(told, output))
+
+
+def _asked(choice: Choice) -> Asked:
+    """The part of the options that a plan of several kinds heeds."""
+    usual = choice == replace(choice, n=None, target=None, robust=0, worst=False, seconds=None, strategy="optimal")
+    given = {"-n": choice.n, "--target": choice.target, "--seconds": choice.seconds, "--robust": choice.robust or None}
+    names = tuple(name for name, value in given.items() if value is not None)
+    return Asked(choice.kinds or "touch", choice.budget, choice.criterion, names or (() if usual else ("--strategy",)))
 
 
 def _plan_workpiece(

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from oed.criteria.criterion import Criterion
 from oed.design.matrix import blocks, information, sensitivities
+from oed.design.owners import Owners
 from oed.design.restricted_master import Master
 from oed.design.weight_limits import Admissible
 
@@ -22,7 +23,14 @@ class Search:
     """Columns and weights go from one objective to the next."""
 
     def __init__(
-        self, rows: np.ndarray, basis: np.ndarray, prior: np.ndarray, touches: int, allowed: Admissible, blind: bool
+        self,
+        rows: np.ndarray,
+        basis: np.ndarray,
+        prior: np.ndarray,
+        touches: int,
+        allowed: Admissible,
+        blind: bool,
+        owner: Owners | None = None,
     ):
         """With `blind`, a share of the weight stays on all candidates.
 
@@ -30,6 +38,7 @@ class Search:
         are then no bound. The share, a part of the gap, keeps information regular and costs no more than itself.
         """
         self.rows, self.basis, self.allowed, self.touches = rows, basis, allowed, touches
+        self.owners = Owners.single(len(rows)) if owner is None else owner
         self.prior = basis.T @ prior @ basis
         self.columns = self._start()
         self.weights = allowed.centre(self.columns)
@@ -47,31 +56,36 @@ class Search:
         """By how much the best bound exceeds the best weights, of all rounds."""
         return self.bound / self.level - 1 if self.level else np.inf
 
-    def _lifted(self, index: Int[np.ndarray, " k"]) -> Float[np.ndarray, "k p"]:
-        """Rows in the new basis, times the root of the number of touches."""
-        return np.sqrt(self.touches) * (self.rows[index] @ self.basis)
+    def _lifted(self, index: Int[np.ndarray, " k"]) -> Float[np.ndarray, "rows p"]:
+        """Rows of candidates in the new basis, times the root of the number of touches."""
+        return np.sqrt(self.touches) * (self.rows[self.owners.rows(index)] @ self.basis)
 
     def _everywhere(self) -> Float[np.ndarray, "p p"]:
         """Information of weights on all candidates, well inside every limit."""
-        w = self.allowed.centre(np.arange(len(self.rows)))
-        parts = (information(self._lifted(np.arange(len(w))[part]), w[part]) for part in blocks(len(w)))
+        everyone = np.arange(len(self.owners))
+        w = self.allowed.centre(everyone)
+        parts = (
+            information(self._lifted(everyone[part]), self.owners.each(everyone[part], w[part]))
+            for part in blocks(len(w))
+        )
         return np.sum(list(parts), axis=0)
 
     def all_weights(self) -> Float[np.ndarray, " candidates"]:
         """The weights found, on all candidates."""
         columns, w, spread = self.found
-        out = spread * self.allowed.centre(np.arange(len(self.rows))) if spread else np.zeros(len(self.rows))
+        count = len(self.owners)
+        out = spread * self.allowed.centre(np.arange(count)) if spread else np.zeros(count)
         out[columns] += (1 - spread) * w
         return out
 
     def _start(self) -> Int[np.ndarray, " columns"]:
         """Candidates on which a few steps of the multiplicative algorithm, on a sample, put the most weight."""
-        count, p = len(self.rows), self.basis.shape[1]
+        count, p = len(self.owners), self.basis.shape[1]
         sample = np.unique(np.linspace(0, count - 1, min(count, SAMPLE)).astype(int))
         X, w = self._lifted(sample), np.full(len(sample), 1 / len(sample))
         for _ in range(8):
-            d = sensitivities(X, np.linalg.pinv(self.prior + information(X, w), hermitian=True))
-            w *= d**2
+            M = self.prior + information(X, self.owners.each(sample, w))
+            w *= self.owners.summed(sample, sensitivities(X, np.linalg.pinv(M, hermitian=True))) ** 2
             w /= w.sum()
         rest = np.ones(count, bool)
         rest[sample] = False
@@ -98,6 +112,7 @@ class Search:
             (allowed.group[columns] == limited[:, None]).astype(float),
             np.where(allowed.low > 0, allowed.low, -1)[limited],
             allowed.high[limited],
+            self.owners.local(columns),
         )
 
     def run(self, objective: Criterion, gap: float) -> None:
@@ -120,7 +135,7 @@ class Search:
         """Gain of all candidates, the gain that each needs to carry weight, their S, and the smooth objective's gap."""
         M = master.information(self.weights)
         level, S = objective.phi(M), objective.support(M)
-        gain = self.touches * sensitivities(self.rows, self.basis @ S @ self.basis.T)
+        gain = self.touches * self.owners.summed(None, sensitivities(self.rows, self.basis @ S @ self.basis.T))
         top, _ = self.allowed.best(gain)
         held = np.full(len(gain), -np.inf)
         held[self.columns] = gain[self.columns]
@@ -157,7 +172,7 @@ class Search:
             good = good[np.argpartition(-surplus[good], POOL)[:POOL]]
         good = good[np.argsort(-surplus[good], kind="stable")]
         eigenvalues, V = np.linalg.eigh(S)
-        Y = self.rows[good] @ (self.basis @ (V * np.sqrt(np.maximum(eigenvalues, 0))))
+        Y = self.rows[self.owners.first[good]] @ (self.basis @ (V * np.sqrt(np.maximum(eigenvalues, 0))))
         return np.union1d(good[_unlike(Y, few)], good[: self.touches // 4])
 
     def _inside(self, master: Master, smooth: float) -> Float[np.ndarray, " columns"]:

@@ -15,6 +15,7 @@ from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
 from oed.design.column_generation import Search
 from oed.design.matrix import checked, checked_prior, information, seen, whitener
+from oed.design.owners import Owners
 from oed.design.weight_limits import admissible
 
 
@@ -36,7 +37,7 @@ class ApproximateDesign:
 
 
 def approximate_design(
-    rows: Float[np.ndarray, "candidates parameters"],
+    rows: Float[np.ndarray, "rows parameters"],
     criterion: str | Criterion = "D",
     gap: float = 1e-6,
     *,
@@ -46,21 +47,24 @@ def approximate_design(
     cap: float | Float[np.ndarray, " candidates"] | None = None,
     face: Int[np.ndarray, " candidates"] | None = None,
     quotas: Mapping[int, tuple[float, float]] | None = None,
+    owner: Int[np.ndarray, " rows"] | None = None,
 ) -> ApproximateDesign:
     """Best weights on the candidates to a relative `gap`; the bound holds whether or not the gap was reached.
 
     `touches` is the number that shares the weights (it matters beside a prior), `cap` the largest weight (1 / touches
-    where no touch is repeated), `quotas` the smallest and largest share of weight per face. A criterion is one of
+    where no touch is repeated), `quotas` the smallest and largest share of weight per face. Candidates of several
+    rows have them one after the other: `owner` counts through the candidates, 0, 0, 0, 1, ... A criterion is one of
     `CRITERIA` or an object of your own. O2 and O4 have no concave form: their weights are those of E, and their bound
     is nan. E and G have kinks: their gap ends near 1e-3.
     """
     rows = checked(rows)
     chosen = criterion_named(criterion).on(zone, rows.shape[1])
     known = checked_prior(prior, rows.shape[1])
-    allowed = admissible(len(rows), cap, face, quotas)
+    owners = Owners.single(len(rows)) if owner is None else Owners.of(owner, len(rows))
+    allowed = admissible(len(owners), cap, face, quotas)
     T, back = _basis(chosen, rows, known, touches)
     inner = chosen.in_basis(T)
-    search = Search(rows, T, known, touches, allowed, blind=chosen.needs_zone)
+    search = Search(rows, T, known, touches, allowed, chosen.needs_zone, owners)
     for objective in inner.relaxed.sharpened():
         search.run(objective, gap)
         if search.gap <= gap:

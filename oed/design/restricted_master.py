@@ -17,17 +17,27 @@ class Master:
     """Maximise objective.smooth(base + X' diag(w) X) over weights w >= 0 with sum one, caps and shares."""
 
     objective: Criterion
-    X: Float[np.ndarray, "k p"]
+    X: Float[np.ndarray, "rows p"]
     base: Float[np.ndarray, "p p"]
     capped: Int[np.ndarray, " capped"]  # which columns have a cap, and the cap
     cap: Float[np.ndarray, " capped"]
     shared: Float[np.ndarray, "shares k"]  # 1 where a column is of a face with a limit below or above
     low: Float[np.ndarray, " shares"]
     high: Float[np.ndarray, " shares"]
+    owner: Int[np.ndarray, " rows"] | None = None  # the weight of each row of X; None: each has its own
 
     def information(self, w: Float[np.ndarray, " k"]) -> Float[np.ndarray, "p p"]:
         """Information of the weights."""
-        return self.base + (self.X.T * w) @ self.X
+        return self.base + (self.X.T * (w if self.owner is None else w[self.owner])) @ self.X
+
+    def _by_weight(self, of_rows: np.ndarray) -> np.ndarray:
+        """Sums over the rows of each weight, along every axis."""
+        if self.owner is None:
+            return of_rows
+        first = np.flatnonzero(np.diff(self.owner, prepend=-1))
+        for axis in range(of_rows.ndim):
+            of_rows = np.add.reduceat(of_rows, first, axis=axis)
+        return of_rows
 
     def distances(self, w: Float[np.ndarray, " k"]) -> Float[np.ndarray, " limits"]:
         """How far the weights are from every limit."""
@@ -48,7 +58,8 @@ class Master:
 
     def _parts(self, u: Float[np.ndarray, " limits"]) -> list[Float[np.ndarray, " some"]]:
         """One number per limit, as numbers per weight, cap, low and high share."""
-        ends = np.cumsum([len(self.X), len(self.cap), len(self.low)])
+        count = len(self.X) if self.owner is None else int(self.owner[-1]) + 1
+        ends = np.cumsum([count, len(self.cap), len(self.low)])
         return np.split(u, ends)
 
     def _merit(self, w: Float[np.ndarray, " k"], distances: Float[np.ndarray, " limits"], barrier: float) -> float:
@@ -63,12 +74,13 @@ class Master:
     ) -> tuple[Float[np.ndarray, " k"], float]:
         """Newton step of the barrier problem along sum(w) = 1, and how much it promises."""
         M = self.information(w)
-        K = self.objective.curvature(M, self.X)
+        K = self._by_weight(self.objective.curvature(M, self.X))
         weight, cap, low, high = self._parts(z / s)
         weight[self.capped] += cap
         K[np.diag_indices(len(w))] += weight
         K += (self.shared.T * (low + high)) @ self.shared
-        gradient = np.einsum("ij,ij->i", self.X @ self.objective.slope(M), self.X) + self._pulled(barrier / s)
+        gains = np.einsum("ij,ij->i", self.X @ self.objective.slope(M), self.X)
+        gradient = self._by_weight(gains) + self._pulled(barrier / s)
         step, unit = np.linalg.solve(K, np.stack([gradient, np.ones(len(w))], axis=1)).T
         dw = step - unit * (step.sum() / unit.sum())
         return dw, float(gradient @ dw)

@@ -10,5 +10,7 @@ In the order in which data walks through:
     plan           the plan, and what to expect of it
     unseen         touches to verify with, away from those of the fit
     health_check   a dozen touches that tell slips, knocks and shifts apart
+    kinds_problem  measurements of several kinds that can be made, and designs over all of them
+    kinds          measurements of several kinds for a budget of minutes
     workpiece      touches that locate a workpiece
 """

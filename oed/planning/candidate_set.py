@@ -144,20 +144,23 @@ class CandidateSet:
         home = np.clip(np.zeros((1, len(robot.joints))), robot.lower, robot.upper)
         return home[self.feasibility.clearance.hits(home) == CLEAR]
 
-    def promise(self, touches: Candidates, times: float = 1.0) -> Promise:
+    def promise(self, touches: Candidates, times: float = 1.0, further: np.ndarray | None = None) -> Promise:
         """The tip error to expect in the zone after touches that are each made so many `times`.
+
+        Whitened rows of `further` measurements, made after the touches, count with them.
 
         A touch that misses tells nothing. The promise is that over robots drawn from what is known that meet most of
         the touches. If few do, each touch counts by the share of robots that meet it.
         """
         rows, lands = np.sqrt(times) * self._rows(touches), self._lands(touches)
+        prior = self.prior if further is None else self.prior.updated(further)
         finish = lands.mean(axis=1) >= MOST
         if finish.mean() < FEW:
             rows = rows * np.sqrt(lands.mean(axis=0))[:, None]
-            return promise(TipErrors(self.prior.updated(rows).root(self.tip)))
+            return promise(TipErrors(prior.updated(rows).root(self.tip)))
         robots = Counter(map(tuple, lands[finish].tolist()))
         models = (
-            TipErrors(self.prior.updated(rows[np.array(hit)]).root(self.tip), weight=float(count))
+            TipErrors(prior.updated(rows[np.array(hit)]).root(self.tip), weight=float(count))
             for hit, count in robots.items()
         )
         return promise(*models)

@@ -11,6 +11,7 @@ import numpy as np
 from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.files import InputError, Mistake, nearest
 from identify.model.io.counting import counting_mistakes
+from identify.model.io.devices import device_mistakes
 from identify.model.io.document import Document, entries, usable
 from identify.model.io.schema import (
     BoxEntry,
@@ -50,7 +51,7 @@ def cell_mistakes(document: Document, robot: Robot | None) -> list[Mistake]:
         if tilted and tilted.max_tilt_deg < 1.6:
             wrong.append(document.wrong(f"a tilt of {tilted.max_tilt_deg:g} degrees: {RADIANS}", key, "max_tilt_deg"))
     wrong += _zone(document, zone) if zone else []
-    wrong += _spacings(document)
+    wrong += _spacings(document) + device_mistakes(document)
     wrong += obstacle_mistakes(document)
     if robot is not None:
         wrong += counting_mistakes(document, [joint.name for joint in robot.joints])

@@ -13,6 +13,7 @@ from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.io import schema
 from identify.model.io.counting import counting_entry, counting_of
+from identify.model.io.devices import device_entry, device_of
 from identify.model.io.units import described, entry_of, outside
 from identify.model.jig import Box, Face, Jig
 from identify.model.joint import SLIDING, TURNING, Capsule, Joint
@@ -209,6 +210,7 @@ def cell_of(
         fixed=frozenset(file.fixed),
         bounds={k: (lo * unit[k], hi * unit[k]) for k, (lo, hi) in file.bounds.items()},
         sources=sources,
+        devices={kind: device_of(kind, entry) for kind, entry in file.measure.items()},
         serial=file.serial,
         obstacles=obstacles_of(file.obstacles, folder),
         placements={name: pose_of(frame) for name, frame in file.placements.items()},
@@ -248,6 +250,7 @@ def cell_entry(cell: Cell) -> dict[str, Any]:
         "tools": {name: pose_entry(frame) for name, frame in cell.tools.items()},
         "points": {name: point_entry(point) for name, point in cell.points.items()},
         "spacings": [{"from": s.start, "to": s.end, "mm": s.distance, "sigma_mm": s.sigma} for s in cell.spacings],
+        "measure": {kind: device_entry(device) for kind, device in cell.devices.items()},
         "serial": cell.serial,
         "obstacles": [obstacle_entry(shape) for shape in cell.obstacles],
         "fixed": sorted(cell.fixed),

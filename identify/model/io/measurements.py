@@ -24,7 +24,6 @@ from identify.model.measurement import Measured
 from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
 
 ANGLES = ("rz_deg", "ry_deg", "rx_deg")
-TURN_SIGMA = 0.02  # [deg], 1 sigma of a measured orientation, if its file does not say
 CONDITIONS = ("sigma_mm", "sigma_deg", "placement", "tool", "payload_kg", "temperature_c", "note")
 COLUMNS = {"distance": ("anchor", "distance_mm"), "contact": ("point",), "pose": ANGLES, "position": POINT}
 """Columns by which a row shows its kind; a row that fills none of them is a touch."""
@@ -87,13 +86,13 @@ def _positions(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
 
 
 def _poses(sheet: Sheet, cell: Cell, trust_units: bool) -> Poses:
-    turn = sheet.numbers("sigma_deg", TURN_SIGMA)
+    turn = sheet.numbers("sigma_deg", float(np.degrees(cell.device("pose").turn_sigma)))
     return Poses(
         tuple(sheet.text("id")),
         joints_of(sheet, cell.robot, trust_units),
         block_of(sheet, POINT),
         np.radians(block_of(sheet, ANGLES)),
-        sigma_of(sheet, cell.touch.sigma),
+        sigma_of(sheet, cell.sigma("pose")),
         np.radians(turn),
         _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
@@ -109,7 +108,7 @@ def _distances(sheet: Sheet, cell: Cell, trust_units: bool) -> Distances:
         joints_of(sheet, cell.robot, trust_units),
         _points(sheet, "anchor", cell),
         distance,
-        sigma_of(sheet, cell.touch.sigma),
+        sigma_of(sheet, cell.sigma("distance")),
         _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
     )
@@ -120,7 +119,7 @@ def _contacts(sheet: Sheet, cell: Cell, trust_units: bool) -> Contacts:
         tuple(sheet.text("id")),
         joints_of(sheet, cell.robot, trust_units),
         _points(sheet, "point", cell),
-        sigma_of(sheet, cell.touch.sigma),
+        sigma_of(sheet, cell.sigma("contact")),
         _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
     )

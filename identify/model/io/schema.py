@@ -228,6 +228,17 @@ class SpacingEntry(Strict):
     sigma_mm: Positive = usual(Spacing, "sigma_mm")
 
 
+class DeviceEntry(Strict):
+    """What makes measurements of one kind; what is left out is as usual for the kind."""
+
+    minutes: Positive | None = None
+    sigma_mm: Positive | None = None
+    sigma_deg: Positive | None = None
+    range_mm: tuple[Positive, Positive] | None = None
+    max_tilt_deg: Annotated[Number, Field(gt=0, le=180)] | None = None
+    box_mm: tuple[tuple[Number, Number], tuple[Number, Number], tuple[Number, Number]] | None = None
+
+
 class CellFile(Strict):
     """cell.yaml, the one file that a user writes."""
 
@@ -249,6 +260,7 @@ class CellFile(Strict):
     tools: dict[str, Frame] = {}
     points: dict[str, NamedPoint] = {}
     spacings: list[SpacingEntry] = []
+    measure: dict[Literal["touch", "position", "pose", "distance", "contact"], DeviceEntry] = {}
     serial: str = ""
     obstacles: list[ObstacleEntry] = []
     fixed: list[str] = []

@@ -94,7 +94,7 @@ def positions_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
     """The positions of a sheet; mistakes are noted in the sheet."""
     ids, q = tuple(sheet.text("id")), joints_of(sheet, cell.robot, trust_units)
     point = block_of(sheet, POINT)
-    sigma = sigma_of(sheet, cell.touch.sigma)
+    sigma = sigma_of(sheet, cell.sigma("position"))
     spread = np.ptp(point, axis=0).max() if len(ids) > 1 else np.inf
     if spread < 10.0 and not trust_units:
         sheet.at(0, f"all positions lie within {spread:.3g} mm: metres? write millimetres, or say --trust-units")
@@ -102,14 +102,22 @@ def positions_of(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
 
 
 def read_plan(path: Path | str, cell: Cell) -> Plan:
-    """Read plan.csv; raises InputError with every mistake."""
+    """Read the touches of plan.csv; raises InputError with every mistake.
+
+    Rows of other kinds are for operator and device: they are left out.
+    """
     robot = cell.robot
     vias = [joint_columns(robot, f"via{k + 1}_") for k in range(VIAS)]
     sheet = read_sheet(
         path,
         ["id", "face", *POINT, *PLANE[:3], *joint_columns(robot), *joint_columns(robot, APPROACH)],
-        [name for via in vias for name in via],
+        ["kind", "does", *(name for via in vias for name in via)],
     )
+    if "kind" in sheet.columns:
+        touches = np.array([kind == "touch" for kind in sheet.text("kind")], dtype=bool)
+        if not touches.any():
+            sheet.at(0, "the plan holds no touches; make its measurements at their joints by hand or by your program")
+        sheet = rows_of(sheet, touches)
     face = sheet.text("face")
     for row, name in enumerate(face):
         if "face" in sheet.columns and (cell.jig is None or name not in cell.jig.by_name):

@@ -1,0 +1,201 @@
+"""Measurements other than touches that can be made: postures within reach and view that are clear, a table a kind."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from identify.model.cell import Cell
+from identify.model.files import InputError
+from identify.model.frames import euler
+from identify.model.ik import reach
+from identify.model.measurement import MEASUREMENTS, Measured
+from identify.model.touch import Contacts, Distances, Poses, Positions
+from identify.model.zone import cone, frames, zone_of
+from probe.motion.clearance import CLEAR, WIRE, Clearance
+
+VIEW = 300.0  # [mm] around zone and jig, where a tracker sees the tip if the cell does not say
+ROUNDS = 40  # of drawing postures, before those that were found have to do
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Postures:
+    """Postures for measurements of one kind, and the point of the cell that each names."""
+
+    q: Float[np.ndarray, "postures joints"]  # [rad] or [mm]
+    point: Int[np.ndarray, " postures"]  # place in the points of the cell; -1 for none
+
+    def take(self, index: np.ndarray) -> "Postures":
+        """Some of them."""
+        return Postures(self.q[index], self.point[index])
+
+
+def planned_cell(cell: Cell) -> tuple[Cell, tuple[str, ...]]:
+    """The cell without frames and points that are to be fitted, which no plan can aim at, and a sentence about them."""
+    parts = {"placements": cell.placements, "tools": cell.tools}
+    given: dict[str, dict[str, object]] = {
+        key: {name: frame for name, frame in frames_.items() if frame is not None} for key, frames_ in parts.items()
+    }
+    points = {name: point for name, point in cell.points.items() if point.position is not None}
+    left_out = [name for key, frames_ in parts.items() for name in frames_ if name not in given[key]]
+    left_out += [name for name in cell.points if name not in points]
+    spacings = tuple(s for s in cell.spacings if {s.start, s.end} <= points.keys())
+    notes = (f"not planned, since their place is to be fitted: {', '.join(left_out)}; write about where they are",)
+    some = replace(cell, points=points, spacings=spacings, **given)  # type: ignore[arg-type]
+    return some, notes if left_out else ()
+
+
+def measurements(
+    cell: Cell,
+    kind: str,
+    rng: np.random.Generator,
+    count: int,
+    *,
+    theta: Float[np.ndarray, " parameters"] | None = None,
+    clearance: Clearance | None = None,
+) -> Measured:
+    """Measurements of a kind that can be made, `count` of them where there are so many, as the table of the kind.
+
+    They read what the robot `theta` (nominal) would give. Further placements and tools of the cell are used as often
+    as the first. Raises InputError if the cell lacks what the kind needs, or no posture is clear.
+    """
+    if kind not in POSTURES:
+        raise InputError(f"measurements of kind '{kind}' cannot be planned; choose of touch, {', '.join(POSTURES)}")
+    theta = cell.theta if theta is None else theta
+    clearance = Clearance(cell, theta) if clearance is None else clearance
+    draw, table = POSTURES[kind]
+    parts, number = list[Postures](), 0
+    for _ in range(ROUNDS):
+        drawn = draw(cell, theta, rng, max(200, count))
+        found = drawn.take(clearance.hits(drawn.q) == CLEAR)
+        if kind != "contact":
+            gaps = clearance.segment_gaps(*clearance.wire(found.q), WIRE)
+            found = found.take(gaps >= WIRE)
+        parts.append(found)
+        number += len(found.q)
+        if number >= count:
+            break
+    whole = Postures(np.concatenate([p.q for p in parts]), np.concatenate([p.point for p in parts])).take(
+        np.arange(min(number, count))
+    )
+    if not len(whole.q):
+        raise InputError(f"no {kind} can be measured: no posture within reach and view is clear of jig and arm")
+    return table(cell, theta, whole, rng)
+
+
+def _free(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int, kind: str = "position") -> Postures:
+    """Any posture whose tip is within view."""
+    robot, box = cell.robot, _view(cell, kind)
+    q = rng.uniform(robot.lower, robot.upper, (20 * count, len(robot.joints)))
+    tip = cell.kinematics.tip(q, theta)[0]
+    q = q[((tip >= box[:, 0]) & (tip <= box[:, 1])).all(axis=1)]
+    return Postures(q, np.full(len(q), -1))
+
+
+def _view(cell: Cell, kind: str) -> Float[np.ndarray, "3 2"]:
+    """Where a tracker sees the tip [mm]: the box of the device, or that around zone and jig."""
+    box = cell.device(kind).box
+    if box is not None:
+        return box
+    ends = zone_of(cell).box.T if cell.jig is None else np.concatenate([zone_of(cell).box.T, cell.jig.corners])
+    return np.stack([ends.min(axis=0) - VIEW * np.array([1, 1, 0]), ends.max(axis=0) + VIEW], axis=1)
+
+
+def _around(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int) -> Postures:
+    """Postures with the tip at a distance from a point, the line between them within a cone about the vertical."""
+    device, number = cell.device("distance"), rng.integers(len(_points(cell, "distance")), size=count)
+    middle = np.tile(UP, (count, 1))
+    tip = _points(cell, "distance")[number] + rng.uniform(*device.range, (count, 1)) * cone(
+        middle, device.max_tilt, rng.random((count, 2))
+    )
+    return _at(cell, theta, rng, tip, number, cell.touch.max_tilt)
+
+
+def _in(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int) -> Postures:
+    """Postures with the tip in a point, the tool within a cone about the vertical."""
+    points = _points(cell, "contact")
+    number = rng.integers(len(points), size=count)
+    return _at(cell, theta, rng, points[number], number, cell.device("contact").max_tilt)
+
+
+def _points(cell: Cell, kind: str) -> Float[np.ndarray, "points 3"]:
+    if not cell.points:
+        raise InputError(f"a plan of kind {kind} needs {MEASUREMENTS[kind].needs}; write about where each stands")
+    return np.array(list(cell.places.values()))
+
+
+def _at(
+    cell: Cell, theta: np.ndarray, rng: np.random.Generator, tip: np.ndarray, number: np.ndarray, tilt: float
+) -> Postures:
+    """Postures with the tip at places, the tool within a cone about straight down, any branch."""
+    robot, m = cell.robot, len(tip)
+    axis = cone(np.tile(-UP, (m, 1)), tilt, rng.random((m, 2)))
+    start = rng.uniform(robot.lower, robot.upper, (m, len(robot.joints)))
+    turned, joints = frames(axis, 2 * np.pi * rng.random(m)), len(robot.joints)
+    solved = reach(cell.kinematics, theta, tip, turned, start, free_roll=joints == 5, free_orientation=joints < 5)
+    return Postures(solved.q, number).take(solved.reached())
+
+
+def _names(cell: Cell, count: int, rng: np.random.Generator) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
+    """A placement and a tool of each measurement, the first ones and the further ones alike; None without further."""
+
+    def drawn(further: Sequence[str]) -> tuple[str, ...] | None:
+        return tuple(rng.choice(["", *further], count).tolist()) if further else None
+
+    return drawn(list(cell.placements)), drawn(list(cell.tools))
+
+
+def _ids(postures: Postures) -> tuple[str, ...]:
+    return tuple(str(i + 1) for i in range(len(postures.q)))
+
+
+def _tips(
+    cell: Cell, theta: np.ndarray, q: np.ndarray, placement: Sequence[str] | None, tool: Sequence[str] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Tips [mm] and rotations of rows with placements and tools of their own."""
+    each = np.tile(theta, (len(q), 1))
+    for names, known, part in ((placement, cell.placements, slice(0, 6)), (tool, cell.tools, slice(-6, None))):
+        for i, name in enumerate(names or ()):
+            if name:
+                each[i, part] = known[name]
+    tip, R = cell.kinematics.tip(q, each)
+    return tip, R
+
+
+def _position_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+    placement, tool = _names(cell, len(at.q), rng)
+    tip = _tips(cell, theta, at.q, placement, tool)[0]
+    return Positions(_ids(at), at.q, tip, np.full(len(tip), cell.sigma("position")), placement, tool)
+
+
+def _pose_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+    placement, tool = _names(cell, len(at.q), rng)
+    tip, R = _tips(cell, theta, at.q, placement, tool)
+    sigma, turn = np.full(len(tip), cell.sigma("pose")), np.full(len(tip), cell.device("pose").turn_sigma)
+    return Poses(_ids(at), at.q, tip, euler(R), sigma, turn, placement, tool)
+
+
+def _distance_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+    names, places = list(cell.points), np.array(list(cell.places.values()))
+    distance = np.linalg.norm(cell.kinematics.tip(at.q, theta)[0] - places[at.point], axis=1)
+    anchor = tuple(names[i] for i in at.point)
+    return Distances(_ids(at), at.q, anchor, distance, np.full(len(distance), cell.sigma("distance")))
+
+
+def _contact_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+    names = list(cell.points)
+    return Contacts(_ids(at), at.q, tuple(names[i] for i in at.point), np.full(len(at.q), cell.sigma("contact")))
+
+
+Draw = Callable[[Cell, np.ndarray, np.random.Generator, int], Postures]
+MakeTable = Callable[[Cell, np.ndarray, Postures, np.random.Generator], Measured]
+POSTURES: dict[str, tuple[Draw, MakeTable]] = {
+    "position": (_free, _position_table),
+    "pose": (partial(_free, kind="pose"), _pose_table),
+    "distance": (_around, _distance_table),
+    "contact": (_in, _contact_table),
+}
+"""How postures of each kind are drawn, and the table that they make."""

@@ -1,0 +1,94 @@
+"""One design over several kinds: within its minutes, better than each alone, and delivered as promised."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identify.estimation.calibrate import calibrate
+from identify.model.cell import Device, Point
+from identify.model.files import InputError
+from identify.model.zone import zone_poses
+from oed.planning.kinds import plan_kinds
+from oed.planning.kinds_problem import kinds_problem
+from probe.virtual.batch import touch_batch
+from probe.virtual.truth import draw_truth
+
+ANCHORS = {"a": Point(np.array([450.0, -50.0, 10.0])), "b": Point(np.array([-50.0, 350.0, 10.0]))}
+WIRE = Device(minutes=0.2, sigma=0.02, range=(300.0, 900.0))
+
+
+@pytest.fixture(scope="module")
+def cell(arc_welder):
+    return replace(arc_welder, points=ANCHORS, devices={"distance": WIRE})
+
+
+@pytest.fixture(scope="module")
+def problem(cell):
+    return kinds_problem(cell, ["touch", "distance"], np.random.default_rng(0), count=500)
+
+
+@pytest.fixture(scope="module")
+def both(cell):
+    return plan_kinds(cell, ["touch", "distance"], 10.0, rng=np.random.default_rng(0), count=500)
+
+
+def test_a_plan_keeps_its_minutes(both):
+    assert both.minutes == pytest.approx(0.1 * both.counts["touch"] + 0.2 * both.counts["distance"])
+    assert 9.8 < both.minutes <= 10.0 + 1e-9
+
+
+def test_both_kinds_promise_more_than_each_alone_in_the_same_minutes(both):
+    assert both.promise.rms_mm < min(alone.rms_mm for alone in both.alone.values())
+    assert both.promise.p95_mm < min(alone.p95_mm for alone in both.alone.values())
+
+
+def test_more_minutes_promise_more(both):
+    errors = [error for _, error in both.curve]
+
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_the_certificate_bounds_plans_by_chance(problem):
+    design, _ = problem.design(8.0, excursions=20)
+    rng = np.random.default_rng(1)
+
+    for _ in range(20):
+        share = rng.uniform()
+        touches = rng.choice(500, int(80 * share), replace=False)
+        distances = rng.choice(500, int(40 * (1 - share)), replace=False)
+        rows = np.concatenate([problem.offers[0].of(touches), problem.offers[1].of(distances)])
+        C = problem.prior.updated(rows).root(problem.tip)
+        assert 1 / ((C**2).sum() / len(C)) <= design.relaxation.level * (1 + 1e-6)
+    assert 0.6 < design.efficiency <= 1
+
+
+def test_a_robot_that_is_measured_by_the_plan_is_as_accurate_as_promised(cell, both):
+    rng = np.random.default_rng(5)
+    truth = draw_truth(cell, rng, scale=0.2)
+    touches, distances = both.parts
+    made = touch_batch(cell, truth, touches.plan, rng)
+    made = made.take(np.array(made.status) == "hit")
+    tip = cell.kinematics.tip(distances.table.q, truth.theta)[0]
+    places = np.array([cell.places[name] for name in distances.table.anchor])
+    length = np.linalg.norm(tip - places, axis=1) + 0.02 * rng.standard_normal(len(tip))
+
+    calibration = calibrate(cell, made, replace(distances.table, distance=length))
+
+    zone = zone_poses(cell, truth.theta, 200)
+    off = [cell.kinematics.tip(zone, theta)[0] for theta in (calibration.theta, truth.theta)]
+    assert np.percentile(np.linalg.norm(off[0] - off[1], axis=1), 95) < both.promise.p95_mm
+
+
+@pytest.mark.parametrize(
+    ("kinds", "budget", "words"),
+    [
+        (["touhc"], 5.0, "kind 'touhc' is not known; did you mean 'touch'"),
+        (["touch"], -1.0, "above 0"),
+        (["touch"], 0.01, "less than the cheapest"),
+        ([], 5.0, "no kind is named"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused_in_words(cell, kinds, budget, words):
+    with pytest.raises(InputError, match=words):
+        plan_kinds(cell, kinds, budget, count=200)
