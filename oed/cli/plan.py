@@ -100,15 +100,9 @@ def plan(
     if choice.robust < 0:
         raise InputError(f"--robust is {choice.robust}, expected how many robots to draw, 10 for example")
     described = load_cell(cell)
-    if body.workpiece is not None:
-        return _plan_workpiece(body.workpiece, body.at, described, cell, choice.n, after, output, seed, json)
-    if choice.unseen:
-        from oed.cli.verify import plan_touches
-
-        return plan_touches(described, cell, choice.n, after, output, seed, json)
+    if _planned_otherwise(choice, body, described, cell, after, output, seed, json):
+        return
     calibration = None if after is None else read_calibration(after)
-    if choice.kinds is not None or choice.budget is not None:
-        return plan_of_kinds(_asked(choice), described, cell, calibration, output, seed, json)
     with progress(not json) as on_progress:
         result = plan(
             described,
@@ -124,6 +118,26 @@ def plan(
             progress=on_progress,
         )
     _write(result, described, cell, output, seed, json)
+
+
+def _planned_otherwise(
+    choice: Choice, body: Body, cell: "Cell", cell_file: Path, after: Path | None, output: Path, seed: int, json: bool
+) -> bool:
+    """Write the plan that locates a workpiece, verifies, or holds several kinds, if that is what is asked for."""
+    from identify.model.io.calibration_file import read_calibration
+
+    if body.workpiece is not None:
+        _plan_workpiece(body.workpiece, body.at, cell, cell_file, choice.n, after, output, seed, json)
+    elif choice.unseen:
+        from oed.cli.verify import plan_touches
+
+        plan_touches(cell, cell_file, choice.n, after, output, seed, json)
+    elif choice.kinds is not None or choice.budget is not None:
+        calibration = None if after is None else read_calibration(after)
+        plan_of_kinds(_asked(choice), cell, cell_file, calibration, output, seed, json)
+    else:
+        return False
+    return True
 
 
 def _write(result: "PlanResult", cell: "Cell", cell_file: Path, output: Path, seed: int, json: bool) -> None:

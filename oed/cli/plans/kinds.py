@@ -52,16 +52,16 @@ def plan_of_kinds(
         )
     some = set(result.counts) != {"touch"}
     readings = output.with_name(f"{output.stem}-readings.csv") if some else None
-    told = summary(result) | {"seed": seed}
+    described = summary(result) | {"seed": seed}
     write_text(output, kinds_plan_text(result.parts, cell.robot))
     if readings is not None:
         write_text(readings, readings_text(result.parts, cell.robot))
-    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file)} | dict(cell.sources))
-    write_text(output.with_suffix(".html"), plan_page(cell, whole_plan(result.parts), told))
+    write_json(output.with_suffix(".json"), described, {cell_file.name: digest(cell_file)} | dict(cell.sources))
+    write_text(output.with_suffix(".html"), plan_page(cell, whole_plan(result.parts), described))
     if json:
-        print_json(told)
+        print_json(described)
     else:
-        print(kinds_story(told, output, readings))
+        print(kinds_story(described, output, readings))
 
 
 def minutes_of(text: str) -> float:
@@ -74,26 +74,26 @@ def minutes_of(text: str) -> float:
         raise InputError(f"--budget is '{text}'; write how long measuring may take, 15min for example") from None
 
 
-def kinds_story(told: dict[str, Any], output: Path, readings: Path | None) -> str:
+def kinds_story(described: dict[str, Any], output: Path, readings: Path | None) -> str:
     """The plan as a person reads it."""
-    promise, share = told["promise"], told["efficiency"]
-    counts = ", ".join(f"{count} of kind {kind}" for kind, count in told["measurements"].items())
+    promise, share = described["promise"], described["efficiency"]
+    counts = ", ".join(f"{count} of kind {kind}" for kind, count in described["measurements"].items())
     lines = [
-        f"{counts}; criterion {told['criterion']}, {told['minutes']:.1f} of {told['budget_min']:.1f} minutes",
+        f"{counts}; criterion {described['criterion']}, {described['minutes']:.1f} of {described['budget_min']:.1f} minutes",
         f"promised tip error in the weld zone: RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm",
         *(
             f"{kind} alone, the same minutes: RMS {p['rms_mm']:.3f} mm, 95 % {p['p95_mm']:.3f} mm"
-            for kind, p in told["alone"].items()
+            for kind, p in described["alone"].items()
         ),
-        "minutes   " + "".join(f"{point['minutes']:7.1f}" for point in told["curve"]),
-        "95 % [mm] " + "".join(f"{point['p95_mm']:7.3f}" for point in told["curve"]),
+        "minutes   " + "".join(f"{point['minutes']:7.1f}" for point in described["curve"]),
+        "95 % [mm] " + "".join(f"{point['p95_mm']:7.3f}" for point in described["curve"]),
     ]
     if share is not None:
-        number = ", ".join(f"{count} of kind {kind}" for kind, count in told["candidates"].items())
+        number = ", ".join(f"{count} of kind {kind}" for kind, count in described["candidates"].items())
         lines.append(f"at least {100 * share:.1f} % of the best possible for this budget over {number}")
-    lines += [f"note: {sentence}" for sentence in told["notes"]]
+    lines += [f"note: {sentence}" for sentence in described["notes"]]
     end = f"wrote {output}, to look at in {output.with_suffix('.html').name}"
-    if "touch" in told["measurements"]:
+    if "touch" in described["measurements"]:
         end += f"; make the touches with touchcal run {output}"
     if readings is not None:
         end += f"; write what is read at the other postures into {readings}, which touchcal identify takes"
