@@ -78,8 +78,9 @@ def kinds_story(described: dict[str, Any], output: Path, readings: Path | None) 
     """The plan as a person reads it."""
     promise, share = described["promise"], described["efficiency"]
     counts = ", ".join(f"{count} of kind {kind}" for kind, count in described["measurements"].items())
+    minutes = f"{described['minutes']:.1f} of {described['budget_min']:.1f} minutes"
     lines = [
-        f"{counts}; criterion {described['criterion']}, {described['minutes']:.1f} of {described['budget_min']:.1f} minutes",
+        f"{counts}; criterion {described['criterion']}, {minutes}",
         f"promised tip error in the weld zone: RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm",
         *(
             f"{kind} alone, the same minutes: RMS {p['rms_mm']:.3f} mm, 95 % {p['p95_mm']:.3f} mm"
