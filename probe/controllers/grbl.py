@@ -41,7 +41,13 @@ SLACK = 5.0  # [s] beyond the expected duration of a motion before it is stopped
 HOMING = 180.0  # [s]
 ARRIVED = 0.02  # [deg] or [mm]
 ASKING = 5.0  # [s] for which a target that GRBL understands wrongly is told again
-OFF = 0.02  # [deg] or [mm] off the commanded path: GRBL reports where it steps, and nothing trembles
+OFF = 0.01  # [deg] or [mm] off the commanded path: GRBL reports where it steps, and nothing trembles
+NO_OFFSETS = {"error:20", "error:37"}  # no G43.1, or for one axis only
+DISTURBED = "GRBL understands another target than it was told; is the line disturbed?"
+ASTRAY = 0.01  # [deg] further until it stands: half a millimetre in all, a metre from the axis
+DIGIT = 0.8  # [axis units] that one changed digit of a motion leads astray
+REACTION = 0.03  # [s] from a report to where the robot holds
+OFTEN = 0.02  # [s] between two reports, at least
 SLOW = 1.0  # [deg/s] where a target cannot be checked: the watch stops it within 0.1 deg
 
 
@@ -89,7 +95,7 @@ class Grbl:
         if "$13=1" in said:
             raise Refused("SYNTAX", "it reports inches ($13=1); set $13=0 at the controller")
         link.adopt()
-        self._checks = self._understood(np.full(self.joints, 0.001 * (1 + secrets.randbelow(999))), 100.0)
+        self._checks = self._tells_offsets()
 
     @property
     def sequence(self) -> int:
@@ -149,7 +155,8 @@ class Grbl:
         self._number += 1
         start, end = before.q / self._degree, q / self._degree
         degrees = float(np.degrees(rate)) if self._checks else min(float(np.degrees(rate)), SLOW)
-        seconds = max(float(np.abs(end - start).max()) / degrees, 0.01)
+        seconds = max(float(np.abs(end - start).max()) / degrees, self._reports(0.0)[1])
+        poll = self._reports(seconds)[0]
         line = self._prepared(
             word, q / self._unit, max(60.0 * float(np.linalg.norm((q - before.q) / self._unit)) / seconds, 1.0)
         )
@@ -159,7 +166,7 @@ class Grbl:
             return watch.objection(report.position * self._unit / self._degree, report.probe)
 
         try:
-            said = self.link.told(line, seconds + SLACK, astray)
+            said = self.link.told(line, seconds + SLACK, astray, poll)
         except LinkLost:
             self.link.patiently(self.link.halt)
             self.link.same_boot()
@@ -182,7 +189,28 @@ class Grbl:
         while self.link.clock.now() < until:
             if self.link.patiently(lambda: self._understood(target, feed)):
                 return trigger(word, self.joints, feed, self.link.speed)
-        raise Refused("LOST", "GRBL understands another target than it was told; is the line disturbed?")
+        raise Refused("LOST", DISTURBED)
+
+    def _reports(self, seconds: float) -> tuple[float, float]:
+        """How often to ask where the robot is [s] in a motion of so long, and the shortest motion that can be watched.
+
+        A digit changed in the line leads astray by DIGIT in the course of the motion; from OFF on the robot is stopped.
+        """
+        degrees = DIGIT * float(np.max(self._unit / self._degree))
+        react = ASTRAY * seconds / degrees
+        return float(np.clip(react - REACTION, OFTEN, self.link.poll)), degrees * (OFTEN + REACTION) / ASTRAY
+
+    def _tells_offsets(self) -> bool:
+        """Whether GRBL says which tool offset it has understood; raises Refused where the line is too disturbed."""
+        until, refused = self.link.clock.now() + self.link.clock.at_least(ASKING, ASKING), 0
+        while self.link.clock.now() < until:
+            said = self.link.told(offset(np.zeros(self.joints), 100.0))
+            refused = refused + 1 if NO_OFFSETS.intersection(said) else 0
+            if refused > 1:
+                return False
+            if self._understood(np.full(self.joints, 0.001 * (1 + secrets.randbelow(999))), 100.0):
+                return True
+        raise Refused("LOST", DISTURBED)
 
     def _understood(self, target: Float[np.ndarray, " joints"], feed: float) -> bool:
         """Write target and feed without a motion, and see whether GRBL has them."""

@@ -17,6 +17,7 @@ LONGEST = 500  # [bytes] of a line of GRBL
 IDENTITY, HIGHEST = "TS", 255  # words that may keep the boot; the highest tool number of GRBL 1.1
 BEGUN = 2.0  # [s] after which a report that says Idle is no longer one from before the motion
 REPEATS = 20  # reports of a robot that stands, of which two in a row must agree
+STOPPING = 0.02  # [s] between two orders to hold
 RESET = b"\x18"
 STILL = ("Idle", "Alarm", "Hold")
 
@@ -37,31 +38,37 @@ class GrblLink:
         self._kept = False  # whether GRBL keeps the boot
         self._lines = Lines(LONGEST)
 
-    def told(self, line: str, seconds: float = 0.0, watch: Callable[[Report], str] | None = None) -> list[str]:
+    def told(
+        self, line: str, seconds: float = 0.0, watch: Callable[[Report], str] | None = None, poll: float = 0.0
+    ) -> list[str]:
         """What GRBL says to a line, up to the echo of a message sent behind it.
 
-        With a `watch`, that is when the robot stands again; what the watch says against a report stops the robot.
-        Raises LinkLost, Rebooted, or Refused where the echo does not come or takes longer than `seconds`.
+        With a `watch`, that is when the robot stands again; GRBL is asked for a report every `poll` [s], and what the
+        watch says against a report stops the robot. Raises LinkLost, Rebooted, or Refused where the echo does not come
+        or takes longer than `seconds`.
         """
-        tag = f"t{secrets.token_hex(3)}"
+        tag, poll = f"t{secrets.token_hex(3)}", poll or self.poll
         wait = "G4P.01\n" if watch else ""  # G1 is answered when it is queued: wait until the queue is empty
         self._send(f"{line}\n{wait}(MSG,{tag})\n".encode())
-        said, idle, against = list[str](), 0, 0
-        asked = heard = asked_first = self.clock.now()
-        until = asked + max(seconds, self.silence) + self.silence
+        said, still, against, echoed = list[str](), 0.0, 0, False
+        began = asked = heard = self.clock.now()
+        until = began + max(seconds, self.silence) + self.silence
         while True:
-            for text in self._listen(self.poll):
+            for text in self._listen(poll):
                 heard = self.clock.now()
                 if text == f"[MSG:{tag}]":
-                    return said
-                report = read_report(text, self.joints)
-                if report is None:
+                    echoed = True
+                    if watch is None:
+                        return said
+                    self._send(b"?")  # the wait may have been lost: see that the robot stands
+                elif (report := read_report(text, self.joints)) is None:
                     said.append(text)
                 else:
-                    late = report.state == "Idle" and self.clock.now() < asked_first + min(
-                        seconds, BEGUN
-                    )  # said before it began
-                    idle = idle + 1 if report.state in STILL and not late else 0
+                    late = report.state == "Idle" and heard < began + min(seconds, BEGUN)  # said before it began
+                    rests = report.state in STILL
+                    if echoed and rests and (said.count("ok") > 1 or not late):
+                        return said
+                    still = 0.0 if late or not rests else still or heard
                     astray = watch(report) if watch and report.state == "Run" else ""
                     against = against + 1 if astray else 0
                     if against == 1:
@@ -72,13 +79,13 @@ class GrblLink:
             now = self.clock.now()
             if now - heard > self.silence * 2:
                 raise self._silent()
-            if idle * self.poll > self.silence / 2:
+            if still and now - still > self.silence / 2:
                 self._no_echo(said)
                 return said
             if now > until:
                 self.halt()
                 raise Refused("NOTREACHED", f"stopped after {seconds:.0f} s")
-            if now - asked >= self.poll:
+            if now - asked >= poll:
                 self._send(b"?")
                 asked = now
 
@@ -96,10 +103,12 @@ class GrblLink:
 
     def halt(self) -> None:
         """Hold, then reset where something is held; GRBL keeps the position of a robot that stands when it is reset."""
-        self._send(b"!")
         until = self.clock.now() + self.patience
-        while self.report().state in ("Run", "Jog", "Home") and self.clock.now() < until:
-            self.clock.sleep(self.poll)
+        while True:
+            self._send(b"!")  # again, as long as it moves: the byte may be lost
+            if self.report().state not in ("Run", "Jog", "Home") or self.clock.now() > until:
+                break
+            self.clock.sleep(STOPPING)
         if self.report().state == "Hold":
             self.clock.sleep(self.poll)
             self._send(RESET)

@@ -164,10 +164,12 @@ class Motion(Retreat):
         return Failed("skipped", why_not)
 
     def _settled(self) -> State:
-        """The state of a robot that rests on a contact; the input may bounce at first."""
-        until = self.clock.now() + self.settings.rest
-        while not (state := self._state()).contact and self.clock.now() < until:
-            self.clock.sleep(self.settings.rest / 10)
+        """The state of a robot that has rested on a contact; the input may bounce at first, a flicker is soon over."""
+        for _ in range(2):
+            self.clock.sleep(self.settings.rest / 2)
+            state = self._state()
+            if not state.contact:
+                break
         return state
 
     def _backed_off(self, quick: Contact, target: Target, name: str, back: Joints) -> Target:

@@ -34,6 +34,7 @@ class _Motion:
     code: str = ""  # why it ends early
     text: str = ""
     tripped: float = NEVER  # [s], the servo step at which the controller sees the contact
+    latch: Float[np.ndarray, " joints"] | None = None  # where it saw the contact
 
     @property
     def collides(self) -> float:
@@ -184,6 +185,11 @@ class VirtualRobot:
             self._motion.trip = self.arm.obstruct(self._motion.trip, fraction)
             self.foresee()
 
+    def close_input(self) -> None:
+        """The touch input closes now, whatever the wire does: a motion that watches it ends here."""
+        if self._motion is not None and self._motion.watch:
+            self._motion.tripped = min(self._motion.tripped, self.time)
+
     def stop(self, code: str, text: str = "") -> None:
         """Brake the motion that runs, if any, and end it with a code."""
         motion = self._motion
@@ -226,33 +232,29 @@ class VirtualRobot:
         """The controller sees the contact: a search latches, a move ends EARLY, both brake."""
         seen, motion.tripped = motion.tripped, NEVER
         if motion.kind == SEARCH:
-            met = motion.trip.contact(motion.profile)
-            assert met is not None, "a search trips at a contact"
-            fraction, latch = met.enter, motion.at(seen)
-            q = motion.start + fraction * (motion.target - motion.start)
-            truth = Truly(
-                motion.profile.time(fraction),
-                seen,
-                met.surface,
-                q - self._zero,
-                motion.trip.arm(fraction),
-                latch - self._zero,
-                self.arm.theta,
-                self.arm.shift,
-            )
-            self.touches.append(truth)
-            self.arm.count()
+            motion.latch = motion.at(seen)
+            self._remember(motion, seen, motion.latch)
         if not motion.code:
             motion.code = CONTACT if motion.kind == SEARCH else "EARLY"
             motion.text = "" if motion.kind == SEARCH else "the wire touched on the way"
         motion.profile = motion.profile.stopped(seen)
+
+    def _remember(self, motion: _Motion, seen: float, latch: Float[np.ndarray, " joints"]) -> None:
+        """Write down where the wire truly touched, where it did."""
+        met = motion.trip.contact(motion.profile)
+        if met is None or (time := motion.profile.time(met.enter)) > seen:
+            return
+        q = motion.start + met.enter * (motion.target - motion.start) - self._zero
+        arm, latch = motion.trip.arm(met.enter), latch - self._zero
+        self.touches.append(Truly(time, seen, met.surface, q, arm, latch, self.arm.theta, self.arm.shift))
+        self.arm.count()
 
     def _finish(self, motion: _Motion, time: float) -> Outcome:
         ended = self.time
         self._q, self._motion = motion.at(ended), None
         self.arm.rest(motion.trip, motion.profile, ended)
         q = self.q
-        latch = self.touches[-1].latch if motion.code == CONTACT else q
+        latch = q if motion.code != CONTACT or motion.latch is None else motion.latch - self._zero
         kind = motion.code or (OK if motion.kind == MOVE else NOCONTACT)
         if kind == "EARLY":
             self._retreat = motion.start

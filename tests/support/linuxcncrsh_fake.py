@@ -97,18 +97,20 @@ class FakeLinuxCNC:
         if name in ("error", "operator_display", "operator_text"):
             queue = {"error": self.errors, "operator_display": self.display}.get(name, [])
             return queue.pop(0) if queue else "OK"
-        values = {
-            "estop": self.estop,
-            "machine": self.machine,
-            "mode": self.mode,
-            "joint_units": " ".join(self.units),
-            "joint_homed": " ".join(["YES" if self.homed else "NO"] * 6),
-            "probe_value": f"{self.closed and not self._moves():d}",
-            "program_status": "RUNNING" if self.running_program or self._moves() else "IDLE",
-        }
-        for position in ("joint_pos", "abs_cmd_pos"):
-            values[position] = " ".join(f"{v:.6f}" for v in self.position())
-        return values.get(name)
+        match name:
+            case "estop" | "machine" | "mode":
+                return str(getattr(self, name))
+            case "joint_units":
+                return " ".join(self.units)
+            case "joint_homed":
+                return " ".join(["YES" if self.homed else "NO"] * 6)
+            case "probe_value":
+                return f"{not self._moves() and self.closed:d}"
+            case "program_status":
+                return "RUNNING" if self.running_program or self._moves() else "IDLE"
+            case "joint_pos" | "abs_cmd_pos":
+                return " ".join([f"{v:.6f}" for v in self.position().tolist()])
+        return None
 
     def _set(self, name: str, value: str) -> bool:
         if name == "enable":

@@ -58,9 +58,13 @@ class World:
     def touching(self, q: np.ndarray | None = None) -> bool:
         return bool(self.depth((self.q if q is None else q)[None])[0] >= 0) and not self.open_wire
 
+    def reads(self, touching: bool) -> bool:
+        """What the input reads now, where the wire touches or not."""
+        return self.stuck or touching or self.clock.t < self.ended + self.hold
+
     @property
     def closed(self) -> bool:
-        return self.stuck or self.touching() or self.clock.t < self.ended + self.hold
+        return self.reads(self.touching())
 
     def first_contact(self, start: np.ndarray, end: np.ndarray) -> float | None:
         """Fraction of a straight path at which the tip enters the jig."""

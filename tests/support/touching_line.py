@@ -188,7 +188,7 @@ class LineServer:
             if word == "STOP" and self.running:
                 self._interrupted(self.clock.t, "STOPPED")
             q = self._q()
-            closed = self.world.stuck or self.world.touching(q) or self.clock.t < self.world.ended + self.world.hold
+            closed = self.world.reads(self.world.touching(q))
             state = "RUN" if self.running else "IDLE"
             where = f"hb={beat or 0} probe={int(closed)} q={self._text(q)}"
             self._say(f"! ST boot={self.world.boot} {state} seq={self.last} {where}")

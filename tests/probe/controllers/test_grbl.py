@@ -92,7 +92,7 @@ class Scripted:
                 continue
             if written := re.search(r"F([.\d]+)", line):
                 self.feed = written[1]
-            if "G38.3" in line and (probed := re.search(rb"PRB:(.*):0", self.answers.get("S0.F60.G38.3", b""))):
+            if "G38.3" in line and (probed := re.search(rb"PRB:(.*):0", self.answers.get("S0.F30.G38.3", b""))):
                 self.report = b"<Idle|MPos:" + probed[1] + b"|FS:0,0>\r\n"
             if "G43.1" in line:
                 self.offset = ",".join(re.findall(r"[XYZABC](-?[.\d]+)", line))
@@ -117,7 +117,7 @@ AT = "10.000,20.000,30.000,40.000,50.000,61.500"
 ANSWERS = {
     "$I": b"[VER:1.1f.20240101:]\r\n[OPT:VNM,35,1024]\r\n[AXS:6:XYZABC]\r\nok\r\n",
     "$#": f"[G54:0.000,0.000,0.000,0.000,0.000,0.000]\r\n[PRB:{AT}:1]\r\nok\r\n".encode(),
-    "S0.F60.G38.3": f"[PRB:{AT}:1]\r\nok\r\n".encode(),
+    "S0.F30.G38.3": f"[PRB:{AT}:1]\r\nok\r\n".encode(),
 }
 
 
@@ -165,10 +165,10 @@ def test_a_search_is_a_guarded_motion_and_believed_when_it_is_printed_twice(cell
     assert found.boot == "T77"
     commands = [line for line in script.sent if not line.startswith("(")]
     assert commands == [
-        "G4G43.1G21G90G94F60.000S0X10.000Y20.000Z30.000A40.000B50.000C62.000P.0",
+        "G4G43.1G21G90G94F30.000S0X10.000Y20.000Z30.000A40.000B50.000C62.000P.0",
         "$#",
         "$G",
-        "S0.F60.G38.3X.0Y.0Z.0A.0B.0C.0",
+        "S0.F30.G38.3X.0Y.0Z.0A.0B.0C.0",
         "G4P.01",
         "$#",
     ]
@@ -186,7 +186,7 @@ def test_answers_that_nobody_asked_for_do_not_shift_the_others(cell: Cell) -> No
     grbl, script = scripted(
         cell,
         {
-            "S0.F60.G38.3": b"[PRB:10.000,20.000,30.000,40.000,50.000,62.000:0]\r\nok\r\n",
+            "S0.F30.G38.3": b"[PRB:10.000,20.000,30.000,40.000,50.000,62.000:0]\r\nok\r\n",
             "$#": b"[PRB:10.000,20.000,30.000,40.000,50.000,62.000:0]\r\nok\r\n",
         },
     )
@@ -375,7 +375,7 @@ def test_a_probe_that_ends_before_its_target_is_no_miss(cell: Cell) -> None:
     """The defect: `[PRB:...:0]` of an aborted search was reported as a miss."""
     at = "10.000,20.000,30.000,40.000,50.000,60.000"
     grbl, _ = scripted(
-        cell, {"S0.F60.G38.3": f"[PRB:{at}:0]\r\nok\r\n".encode(), "$#": f"[PRB:{at}:0]\r\nok\r\n".encode()}
+        cell, {"S0.F30.G38.3": f"[PRB:{at}:0]\r\nok\r\n".encode(), "$#": f"[PRB:{at}:0]\r\nok\r\n".encode()}
     )
     grbl.connect()
 
