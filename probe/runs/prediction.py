@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.jig import Face
-from identify.model.measurement import MeasurementModel, Rows
+from identify.model.measurement import Rows, measurement_model
 
 UNKNOWN = 1e3  # a base or a tool to be fitted may be anywhere: so many times the usual prior
 BLOCK = 32  # touches: CasADi compiles a map for each number of rows
@@ -36,7 +36,7 @@ class Predictor:
 
     def __init__(self, cell: Cell) -> None:
         self.cell = cell
-        self._model = MeasurementModel(cell.robot)
+        self._model = measurement_model(cell.robot)
         self._prior = np.where(np.isfinite(cell.prior), cell.prior, UNKNOWN * cell.scale)
         self.theta = cell.theta.copy()
         self.covariance = np.diag(self._prior**2)

@@ -20,6 +20,7 @@ from unittest.mock import patch
 
 import numpy as np
 from hostile_devices import GrblDevice, LineDevice, LinuxCNCDevice
+from hostile_kept import KeptPredictor, KeptRoom
 from hostile_line import BACKENDS as BACKENDS
 from hostile_line import HostileLine, Killed, Schedule
 from hostile_oracle import Oracle
@@ -37,7 +38,7 @@ from probe.controllers.line import Line
 from probe.controllers.linuxcnc import LinuxCNC
 from probe.line.controller import TouchError
 from probe.motion.settings import Settings
-from probe.runs import execution
+from probe.runs import execution, retreat
 from probe.runs.preflight import validate
 from probe.runs.session import Session, journal_path
 from probe.virtual import arm
@@ -86,6 +87,8 @@ class Bench:
             patch.object(secrets, "token_hex", lambda size: chance.randbytes(size).hex()),
             patch.object(secrets, "randbelow", chance.randrange),
             patch.object(execution, "validate", validated),
+            patch.object(execution, "Predictor", KeptPredictor),
+            patch.object(retreat, "Room", KeptRoom),
             patch.object(arm, "Kinematics", self._kinematics),
             patch.multiple(batch, WORTH=0, OWN=0),  # one way to evaluate, however often it was done before
         ):

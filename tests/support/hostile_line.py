@@ -64,7 +64,8 @@ class HostileLine:
 
     def write(self, data: bytes) -> None:
         self._call()
-        for line in LINES.findall(data):
+        lines = [data] if self.schedule.backend == "linuxcnc" else LINES.findall(data)  # over TCP: whole, or not at all
+        for line in lines:
             for part in self._spoiled(line, "to", TO[self.schedule.backend]):
                 self._send(part)
 
@@ -78,6 +79,8 @@ class HostileLine:
             self.clock.t = min(self.clock.t + timeout + 1e-3, self._hang_until)
             self.device.follow()
             return b""
+        if self.schedule.backend == "linuxcnc":
+            return bytes(self.device.read(timeout))
         lines = LINES.findall(self.device.read(timeout))
         return b"".join(part for line in lines for part in self._spoiled(line, "from", FROM[self.schedule.backend]))
 
@@ -107,10 +110,11 @@ class HostileLine:
 
     def _call(self) -> None:
         self.calls += 1
-        due = [data for at, data in self._late if at <= self.clock.t]
-        self._late = [(at, data) for at, data in self._late if at > self.clock.t]
-        for data in due:
-            self.device.write(data)
+        if self._late:
+            due = [data for at, data in self._late if at <= self.clock.t]
+            self._late = [(at, data) for at, data in self._late if at > self.clock.t]
+            for data in due:
+                self.device.write(data)
         event = None if self.quiet else self.schedule.events.pop(self.calls, None)
         if event is not None:
             self.schedule.happened.append(f"{event}@{self.calls}")

@@ -45,11 +45,11 @@ class FakeLinuxCNC:
     def write(self, data: bytes) -> None:
         if not self.open:
             raise LinkLost(f"port {self.url} is gone")
-        *lines, self._in = re.split(rb"\r\n", self._in + data)
-        for line in filter(None, lines):
-            self.requests.append(line.decode())
-            self._hear(line.decode())
-            if self.cut(line.decode()):
+        *lines, self._in = (self._in + data).split(b"\r\n")
+        for line in (raw.decode() for raw in lines if raw):
+            self.requests.append(line)
+            self._hear(line)
+            if self.cut(line):
                 self.open, self._out = False, b""
                 raise LinkLost(f"port {self.url} is gone")
 
