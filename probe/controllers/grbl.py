@@ -81,6 +81,7 @@ class Grbl:
         axes = link.axes(4 * link.silence)
         if axes != self.joints:
             raise Refused("ROBOT", f"it has {axes} axes, the robot of the cell {self.joints} joints")
+        link.drop_held()
         if self._home:
             link.unlock("$H", HOMING)
         elif link.report().state == "Alarm":

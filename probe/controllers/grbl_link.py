@@ -109,14 +109,19 @@ class GrblLink:
             if self.report().state not in ("Run", "Jog", "Home") or self.clock.now() > until:
                 break
             self.clock.sleep(STOPPING)
-        if self.report().state == "Hold":
+        self.drop_held()
+        if self.report().state != "Alarm":
+            self.settle(self.patience)
+            self._keep_boot()
+
+    def drop_held(self) -> None:
+        """Reset where a motion is held, so that it never goes on; again, as long as it is held."""
+        until = self.clock.now() + self.patience
+        while self.report().state == "Hold" and self.clock.now() < until:
             self.clock.sleep(self.poll)
             self._send(RESET)
             for _ in self._listen(self.silence, greeting=True):
                 pass
-        if self.report().state != "Alarm":
-            self.settle(self.patience)
-            self._keep_boot()
 
     def settle(self, patience: float) -> None:
         """Wait until GRBL stands still and has said everything: a fresh message comes back."""

@@ -256,8 +256,8 @@ class VirtualRobot:
         q = self.q
         latch = q if motion.code != CONTACT or motion.latch is None else motion.latch - self._zero
         kind = motion.code or (OK if motion.kind == MOVE else NOCONTACT)
-        if kind == "EARLY":
-            self._retreat = motion.start
+        if kind == "EARLY":  # one that ended where it began has no way back
+            self._retreat = motion.start if np.abs(self._q - motion.start).max() > BACK else None
         elif not self.arm.closed:
             self._retreat = None
         outcome = Outcome(kind, latch, q, motion.text)

@@ -139,7 +139,7 @@ class LineServer:
         if run is not None:
             fraction = min(max((at - run.began) / run.duration, 0.0), run.stop)
             self.world.go(run.end, fraction)
-            if run.verb == "MOVE" and run.hit is not None and fraction >= run.hit:
+            if run.verb == "MOVE" and run.hit is not None and fraction >= run.hit > 0:
                 self.early_back = run.start
         return run
 
@@ -151,7 +151,7 @@ class LineServer:
             if run.hit is None:
                 self._answer(run.seq, f"OK q={self._text(world.q)}")
             else:
-                self.early_back = run.start
+                self.early_back = run.start if run.hit > 0 else None  # one that ended where it began has no way back
                 self._answer(run.seq, "ERR EARLY touched on the way")
         elif run.hit is None:
             self._answer(run.seq, f"NOCONTACT q={self._text(world.q)}")
