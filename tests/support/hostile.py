@@ -106,7 +106,7 @@ class Trial:
         self.device = self._device()
         self.line = HostileLine(self.device, schedule, self.world)
         self.oracle = Oracle(self.world, bench.cell, bench.plan, self.device)
-        self.finished, self.found = False, list[str]()
+        self.finished, self.found, self.journal = False, list[str](), b""
 
     def _device(self) -> Any:
         match self.schedule.backend:
@@ -142,6 +142,7 @@ class Trial:
         if not self.finished:
             self.oracle.faults.append(f"the plan was not done in {SOUND} runs over a sound line")
         self.found = list(self.oracle.violations(self.path, journal_path(self.path)))
+        self.journal = journal_path(self.path).read_bytes()
 
     def _once(self, settings: Settings) -> None:
         bench, resume = self.bench, journal_path(self.path).exists()

@@ -114,7 +114,7 @@ class Oracle:
         yield from self._bounds()
         yield from self._motions()
         if table.exists():
-            rows = list(csv.DictReader(table.open(encoding="utf-8")))
+            rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
             if len({row["id"] for row in rows}) != len(rows):
                 yield "a touch is doubled: two rows have the same id"
             yield from self._touches([row for row in rows if row["status"] == HIT], journal)
@@ -150,13 +150,11 @@ class Oracle:
                 yield f"wrong touch: {row['id']} lies {least:.3f} mm from where the wire touched"
                 continue
             yield from self._place(row, near[0].q)
-            seen = [one for one in near if self._open_around(one, at)]
-            if not seen or row["id"] not in proven:
-                yield f"touch without evidence: {row['id']}"
-                continue
-            fresh = [one for one in seen if one not in taken]
+            fresh = [one for one in near if one not in taken]
             if not fresh:
                 yield f"a touch is doubled: {row['id']} is of a search that another row has"
+            elif row["id"] not in proven or not any(self._open_around(one, at) for one in fresh):
+                yield f"touch without evidence: {row['id']}"
             taken += fresh[:1]
 
     def _place(self, row: dict[str, str], q: np.ndarray) -> Iterator[str]:

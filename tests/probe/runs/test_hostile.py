@@ -1,9 +1,14 @@
-"""Schedules of the hostile bench: a few of each backend here, thousands by `python -m tests.probe.hostile`."""
+"""Schedules of the hostile bench: 300 here, thousands by `python -m tests.probe.hostile`; and the judge on trial."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 from hostile import BACKENDS, Bench
+from hostile_defects import DEFECTS
+from true_world import Chain
 
-COUNT = {"line": 24, "grbl": 4, "linuxcnc": 10}  # a schedule over GRBL polls most, and takes longest
+COUNT = {"line": 160, "grbl": 40, "linuxcnc": 100}  # a schedule over GRBL polls most, and takes longest
 
 
 @pytest.fixture(scope="module")
@@ -16,3 +21,43 @@ def test_no_schedule_makes_a_wrong_touch_or_a_wrong_motion(bench: Bench, backend
     broken = {seed: bench.violations(seed, backend) for seed in range(COUNT[backend])}
 
     assert {seed: texts for seed, texts in broken.items() if texts} == {}
+
+
+@pytest.mark.parametrize("name", DEFECTS)
+def test_the_judge_sees_a_defect_that_is_planted_in_the_driver(bench: Bench, name: str) -> None:
+    defect = DEFECTS[name]
+
+    assert bench.violations(defect.seed, defect.backend) == []
+    with defect.plant():
+        found = bench.violations(defect.seed, defect.backend)
+
+    assert any(defect.verdict in text.partition(" (after")[0] for text in found), found
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_seed_gives_the_same_schedule_whatever_ran_before(bench: Bench, backend: str) -> None:
+    first, _, again = bench.trial(12, backend), bench.trial(5, backend), bench.trial(12, backend)
+    alone = Bench().trial(12, backend)
+
+    for other in (again, alone):
+        assert other.schedule.happened == first.schedule.happened
+        assert other.journal == first.journal
+        assert [(m.began, m.ended) for m in other.world.record] == [(m.began, m.ended) for m in first.world.record]
+        assert all(np.array_equal(a.end, b.end) for a, b in zip(other.world.record, first.world.record, strict=True))
+
+
+def test_the_judge_reckons_the_tip_as_the_model_does_in_its_own_way(bench: Bench, rng: np.random.Generator) -> None:
+    q = rng.uniform(-1.0, 1.0, (20, 6))
+
+    assert np.abs(Chain(bench.cell, bench.theta).tip(q) - bench.cell.kinematics.tip(q, bench.theta)[0]).max() < 1e-9
+
+
+def test_the_command_replays_a_seed_alone() -> None:
+    import subprocess
+    import sys
+
+    words = [sys.executable, "-m", "tests.probe.hostile", "--backend", "line", "--seed", "3"]
+
+    done = subprocess.run(words, cwd=Path(__file__).parents[3], capture_output=True, text=True, check=False)
+
+    assert (done.returncode, done.stdout.partition(",")[0]) == (0, "line: 0 of 1 schedules broken")
