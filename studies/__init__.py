@@ -25,6 +25,7 @@ Its rooms, in the order in which data walks through:
     promise         Is the promised tip error kept, and how wide is it?
     screenshot      a picture of a page, by a headless Chromium
     readme          studies/README.md, made from the scripts
+    pages           the pages of the API, from the docstrings
     examples        short programs to start from
 """
 

@@ -45,6 +45,4 @@ def front(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str], Any
     def names() -> list[str]:
         return sorted({*vars(sys.modules[package]), *home})
 
-    if "pdoc" in sys.modules:  # its pages show what __all__ names; help(), which fits a screen without, would, too
-        vars(sys.modules[package])["__all__"] = sorted(home)
     return load, names
