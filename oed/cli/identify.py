@@ -62,8 +62,22 @@ def identify(
 ) -> None:
     """Identify the parameters that put every touch on its face.
 
-    Touches and measured tip positions may be mixed; a file with columns x_mm, y_mm, z_mm holds positions. Touches that
-    disagree with all others are named and left out. Examples:
+    Files are CSV with a header; a row is of the kind whose columns it fills. Every row needs id and the joints q1_deg
+    to q6_deg (q1_mm where a joint slides), as the controller counts them, and
+
+        a touch      face, or nx, ny, nz, offset_mm of a plane
+
+        a position   x_mm, y_mm, z_mm of the tip, in the jig frame
+
+        a pose       those, and rz_deg, ry_deg, rx_deg
+
+        a distance   anchor, distance_mm: from a point of the cell file to the tip
+
+        a contact    point: the tip is in this point of the cell file
+
+    It may have sigma_mm (its scatter; that of the cell file if not given), status (rows other than hit are passed
+    over), placement and tool (others than the first of the cell file), temperature_c, payload_kg and note. Touches
+    that disagree with all others are named and left out. Examples:
 
         touchcal identify touches.csv positions.csv -o calibration.json
 
