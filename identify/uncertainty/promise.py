@@ -57,8 +57,32 @@ def promise(*models: TipErrors) -> Promise:
     share = weight / weight.sum()
     ends = np.round(np.concatenate([[0.0], np.cumsum(share)]) * ROBOTS).astype(int)
     errors = [model.distances(slice(*ends[i : i + 2])) for i, model in enumerate(models)]
-    of_robots = np.percentile(np.concatenate(errors, axis=1), SHARE, axis=0, method="inverted_cdf")
     square = sum(s * model.variance().mean() for s, model in zip(share, models, strict=True))
+    return _of(np.concatenate(errors, axis=1), float(square))
+
+
+def promise_over(
+    tip: Float[np.ndarray, "poses 3 directions"],
+    gain: Float[np.ndarray, "robots directions"],
+    axes: Float[np.ndarray, "robots directions directions"],
+) -> Promise:
+    """The promise over robots that were told different things, of what was known alike before.
+
+    `tip` are rows of the tip in directions of unit deviation before [mm]. The information that was added is
+    axes diag(gain) axes' in these directions: errors are tip axes (1 + gain)^(-1/2) z, and shrink as it grows.
+    """
+    robots, k = gain.shape
+    each, flat = ROBOTS // robots, tip.reshape(-1, k)
+    z = _normal(k)[:, : robots * each].reshape(k, robots, each).transpose(1, 0, 2)
+    x = axes @ (z / np.sqrt(1 + gain)[:, :, None])
+    error = flat @ x.transpose(1, 0, 2).reshape(k, -1)
+    square = np.einsum("rik,rik,rk->", (flat.T @ flat) @ axes, axes, 1 / (1 + gain)) / robots / len(tip)
+    return _of(np.linalg.norm(error.reshape(len(tip), 3, -1), axis=1), float(square))
+
+
+def _of(distances: Float[np.ndarray, "poses robots"], square: float) -> Promise:
+    """The promise by errors of robots and their mean square [mm, mm^2]."""
+    of_robots = np.percentile(distances, SHARE, axis=0, method="inverted_cdf")
     return Promise(float(np.sqrt(square)), float(np.percentile(of_robots, SHARE, method="inverted_cdf")))
 
 

@@ -6,6 +6,7 @@ In the order in which data walks through:
     targets       contacts to ask for: corners, edges and insides of faces, with leans and turns of the wire
     ik_branches   all branches of the inverse kinematics of many poses
     feasibility   whether a touch can be made: contact, way from the approach, search beyond
+    hits          what robots that may be off meet with a search
     candidates    contact points, wire, joint values of contact and approach
     kinds         positions, poses, distances and contacts that can be measured
     even          points spread evenly over the faces, and random ones

@@ -14,6 +14,7 @@ from identify.model.jig import Face
 from identify.model.measurement import Rows, touch_conditions
 from oed.candidates.edge_margins import EDGE, SHARE, Margins, margins, warnings
 from oed.candidates.feasibility import Feasibility, Infeasibility, unreached
+from oed.candidates.hits import Hits
 from oed.candidates.ik_branches import Branches, Poses
 from oed.candidates.targets import Targets, spread, structured
 from probe.motion.clearance import MARGIN
@@ -22,6 +23,8 @@ COUNT = 30_000
 ROUND = (3_000, 16_000)  # targets asked for at a time, at the least and at the most
 STRUCTURED = 0.9  # of them; the others are spread evenly
 ROUNDS = 8  # at the most, or as many as give three times the targets for what is asked
+RARE = 1e-3  # share of robots that meet a touch, below which it counts as so rare
+SURELY = 4  # power of that share by which a touch counts: rather a sure touch than a telling one that many miss
 EXPLORED = 0.2  # of as many contacts, that show first what can be reached, and how uncertain the tip is there
 
 
@@ -36,7 +39,9 @@ class Candidates:
     tilt: Float[np.ndarray, " touches"]  # [rad], between the wire and the normal
     q: Float[np.ndarray, "touches joints"]  # [rad] or [mm], at contact
     approach: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
+    hit: Float[np.ndarray, " touches"]  # share of the robots that may be off whose search meets its face
     margins: Margins  # kept by all of them
+    hits: Hits  # by which `hit` was found
     notes: tuple[str, ...] = ()  # sentences: faces that are not reached and why, faces that may be missed
 
     def __len__(self) -> int:
@@ -62,6 +67,15 @@ class Candidates:
         """The name of the face of every touch."""
         return tuple(self.faces[i].name for i in self.face)
 
+    def expected_rows(self, cell: Cell) -> Rows:
+        """The equations with standard deviations by which a touch counts as much as it is worth planning.
+
+        A touch that a share p of the robots meets tells p f f' on average; it counts p^SURELY f f', since a miss costs
+        time, and misses of one robot come together.
+        """
+        rows = self.rows(cell)
+        return replace(rows, sigma=rows.sigma * np.maximum(self.hit, RARE) ** (-SURELY / 2))
+
     def rows(self, cell: Cell) -> Rows:
         """The equations that these touches will give."""
         wire, m = cell.wire, len(self)
@@ -79,7 +93,7 @@ class Candidates:
         )
 
 
-COLUMNS = tuple(f.name for f in fields(Candidates) if f.name not in ("faces", "margins", "notes"))
+COLUMNS = tuple(f.name for f in fields(Candidates) if f.name not in ("faces", "margins", "hits", "notes"))
 
 
 def candidates(
@@ -93,7 +107,7 @@ def candidates(
     margin: float = MARGIN,
     structured: float = STRUCTURED,
 ) -> Candidates:
-    """Feasible touches of the jig, `count` of them where there are so many; raises InputError where there are none.
+    """Feasible touches of the jig, the surest of `count`; raises InputError where there are none.
 
     `theta` and root root', a covariance, are what is known of the robot, its nominal parameters and priors if not
     given: they place the touches, and keep them off the edges (see `margins`). `margin` is the clearance of arm and
@@ -110,14 +124,16 @@ def candidates(
         if sum(map(len, found)) >= count or not len(found[0]):
             break
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in found]) for name in COLUMNS}
-    all_found = Candidates(search.faces, **columns, margins=search.feasibility.margins)
+    all_found = Candidates(search.faces, **columns, margins=search.feasibility.margins, hits=search.hits)
     feasibility = search.feasibility
     missing = unreached(feasibility, search.tally)
     if not len(all_found):
         raise InputError("no touch can be made. " + " ".join(missing))
     notes = (*missing, *warnings(cell, feasibility.margins, all_found.number > 0), *feasibility.clearance.notes)
-    some = rng.choice(len(all_found), min(count, len(all_found)), replace=False)
-    return replace(all_found.take(np.sort(some)), notes=notes)
+    hits = search.hits.requiring(all_found.face, all_found.hit)
+    sure = np.flatnonzero(hits.sure(all_found.face, all_found.hit))
+    some = rng.choice(sure, min(count, len(sure)), replace=False)
+    return replace(all_found.take(np.sort(some)), notes=notes, hits=hits)
 
 
 def _require(cell: Cell) -> None:
@@ -159,6 +175,7 @@ class _Search:
         kept = margins(cell, root, theta, face, known.q, share)
         self.inset = np.minimum(kept.inset / size, 0.5)
         self.feasibility = Feasibility(cell, theta, kept, margin)
+        self.hits = Hits.drawn(cell, theta, root)
         self.tally = np.zeros((len(self.faces), len(Infeasibility)), dtype=int)
 
     def round(self, size: int) -> Candidates:
@@ -184,7 +201,9 @@ class _Search:
             tilt[ok],
             q[ok],
             approach[ok],
+            self.hits.share(face[ok], q[ok]),
             self.feasibility.margins,
+            self.hits,
         )
 
     def _settled(

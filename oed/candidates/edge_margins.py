@@ -7,10 +7,8 @@ from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
 
-SIGMAS = 2.0  # of the tip's predicted deviation that a touch should survive
-SHARE = (
-    0.4  # of half a face's width, the most that uncertainty takes from each side: the middle fifth is never given up
-)
+SIGMAS = 2.5  # of the tip's predicted deviation that a touch should survive
+SHARE = 0.8  # of half a face's width, the most that uncertainty takes from each side: the middle fifth stays
 EDGE = 3.0  # [mm], least distance from an edge: chamfers, and half the wire
 TYPICAL = 90  # percentile of the deviation over the postures that touch a face
 

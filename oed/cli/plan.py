@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from identify.model.files import InputError, digest, write_json, write_text
+from identify.model.files import digest, write_json, write_text
 from oed.cli.options import CellFile, Flag, Json, Output, Seed, load_cell, numbers, print_json
 from oed.cli.plans.kinds import Asked, plan_of_kinds
 from oed.cli.screen.progress import progress
@@ -33,10 +33,6 @@ class Choice:
     O5."""
     strategy: Literal["optimal", "even", "random"] = "optimal"
     """optimal; even spreads points over the faces as the paper does; random draws them."""
-    robust: int = 0
-    """So many robots drawn from the tolerances, or from what the calibration leaves open, are planned for at once."""
-    worst: Flag = False
-    """Plan for the worst of these robots, not for their mean."""
     kinds: str | None = None
     """Kinds of measurements to choose from, with commas between them: touch, position, pose, distance, contact. One
     design weighs all of them, with the minutes that each takes (measure: in cell.yaml) as its cost."""
@@ -97,8 +93,6 @@ def plan(
     from identify.model.io.calibration_file import read_calibration
     from oed.planning.plan import plan
 
-    if choice.robust < 0:
-        raise InputError(f"--robust is {choice.robust}, expected how many robots to draw, 10 for example")
     described = load_cell(cell)
     if _planned_otherwise(choice, body, described, cell, after, output, seed, json):
         return
@@ -112,8 +106,6 @@ def plan(
             np.random.default_rng(seed),
             target=choice.target,
             after=calibration,
-            robust=choice.robust,
-            worst=choice.worst,
             seconds=choice.seconds,
             progress=on_progress,
         )
@@ -158,8 +150,8 @@ def _write(result: "PlanResult", cell: "Cell", cell_file: Path, output: Path, se
 
 def _asked(choice: Choice) -> Asked:
     """The part of the options that a plan of several kinds heeds."""
-    usual = choice == replace(choice, n=None, target=None, robust=0, worst=False, seconds=None, strategy="optimal")
-    given = {"-n": choice.n, "--target": choice.target, "--seconds": choice.seconds, "--robust": choice.robust or None}
+    usual = choice == replace(choice, n=None, target=None, seconds=None, strategy="optimal")
+    given = {"-n": choice.n, "--target": choice.target, "--seconds": choice.seconds}
     names = tuple(name for name, value in given.items() if value is not None)
     return Asked(choice.kinds or "touch", choice.budget, choice.criterion, names or (() if usual else ("--strategy",)))
 

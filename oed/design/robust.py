@@ -12,10 +12,10 @@ from oed.criteria.swaps import Members, Swaps, Table
 
 
 class RobustSwaps(Swaps):
-    """The mean of a criterion's logarithm over robots, or with `worst` the least; each has rows of the same touches."""
+    """The mean of a criterion's logarithm over robots; each has rows of the same touches, 0 where it misses one."""
 
-    def __init__(self, robots: Sequence[Swaps], worst: bool = False):
-        self.robots, self.worst = list(robots), worst
+    def __init__(self, robots: Sequence[Swaps]):
+        self.robots = list(robots)
         super().__init__(robots[0].rows, robots[0].known, robots[0].criterion)
 
     def among(self, index: Int[np.ndarray, " some"]) -> Self:
@@ -25,13 +25,9 @@ class RobustSwaps(Swaps):
         other._hold(self.rows[index])
         return other
 
-    def _together(self, numbers: Sequence[np.ndarray]) -> np.ndarray:
-        stacked = np.stack(numbers)
-        return stacked.min(axis=0) if self.worst else stacked.mean(axis=0)
-
     def log(self, members: Members) -> float:
-        """Mean or least of the logarithms."""
-        return float(self._together([np.array(robot.log(members)) for robot in self.robots]))
+        """Mean of the logarithms."""
+        return float(np.mean([robot.log(members) for robot in self.robots]))
 
     def gains(self, members: Members) -> Float[np.ndarray, " pool"]:
         """Mean gain: the least one would be of robots that are well off already."""
@@ -46,20 +42,19 @@ class RobustSwaps(Swaps):
         super().load(members)
         for robot in self.robots:
             robot.load(members)
-        self.logs = [robot.log(self.members) for robot in self.robots]
 
     def swap(self, a: int, j: int) -> None:
         """The same swap for every robot."""
         self.members[a] = j
         for robot in self.robots:
             robot.swap(a, j)
-        self.logs = [robot.log(self.members) for robot in self.robots]
 
     def table(self) -> Table:
         """By how much the logarithm grows."""
-        now = float(self._together([np.array(log) for log in self.logs]))
-        after = [robot.growth(robot.table()) + log for robot, log in zip(self.robots, self.logs, strict=True)]
-        return self._together(after) - now
+        total = self.robots[0].growth(self.robots[0].table()).astype(float)
+        for robot in self.robots[1:]:
+            total += robot.growth(robot.table())
+        return np.asarray(total / len(self.robots))
 
     def growth(self, table: Table) -> Table:
         """The table itself."""
@@ -78,6 +73,6 @@ class RobustSwaps(Swaps):
         first, second = promising(table)
         if not len(first):
             return 0, 0, 0.0
-        logs = self._together([robot.logs_after(first, second) for robot in self.robots])
+        logs = np.mean([robot.logs_after(first, second) for robot in self.robots], axis=0)
         k = int(np.argmax(logs))
-        return int(first[k]), int(second[k]), float(np.exp(logs[k] - self._together([np.array(x) for x in self.logs])))
+        return int(first[k]), int(second[k]), float(np.exp(logs[k] - self.log(self.members)))

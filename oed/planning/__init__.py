@@ -2,6 +2,7 @@
 
 In the order in which data walks through:
 
+    searches       what robots drawn from what is known meet and learn with planned touches
     candidate_set  all touches that can be made, what each would tell, and the zone
     visitable      the best touches that the robot can also visit one after the other
     strategies     optimal, even and random

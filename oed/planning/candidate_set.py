@@ -1,6 +1,5 @@
 """What a plan is chosen from: all touches that can be made, what each would tell, and the zone where it counts."""
 
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Self
@@ -17,19 +16,28 @@ from identify.uncertainty.coordinates import Coordinates, of_all_unknowns, of_id
 from identify.uncertainty.information import Information, prior_information
 from identify.uncertainty.promise import Promise, TipErrors, promise
 from oed.candidates.candidates import COUNT, STRUCTURED, Candidates, candidates
-from oed.candidates.edge_margins import SIGMAS
 from oed.candidates.feasibility import Feasibility
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
+from oed.planning.searches import Searches, searches
 from probe.motion.clearance import CLEAR
 from probe.motion.edges import Edges
 from probe.motion.roadmap import Roadmap, lifts
+from probe.motion.room import SIGMAS
 from probe.motion.tour import Order
 
-SHARED = ("zone", "tip", "all_unknowns", "identifiable", "feasibility", "edges", "_lifts", "_home")  # by sets alike
-ROBOTS = 100  # drawn, of which each misses other touches
-MOST = 0.8  # of the touches: robots that meet fewer stop in the run
-FEW = 0.3  # share of the robots that meet so many, below which a promise is that of the average robot
+# what sets of other candidates share
+SHARED = (
+    "zone",
+    "tip",
+    "_tip",
+    "all_unknowns",
+    "identifiable",
+    "feasibility",
+    "edges",
+    "_lifts",
+    "_home",
+)  # by sets alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +72,8 @@ class CandidateSet:
 
     @cached_property
     def rows(self) -> Float[np.ndarray, "touches unknowns"]:
-        """Whitened rows of all candidates, by all unknowns."""
-        return self._rows(self.candidates)
+        """Whitened rows of all candidates, by all unknowns, each as much as the average robot is told."""
+        return self.prior.unknowns.rows(self.candidates.expected_rows(self.cell), self.theta)
 
     @cached_property
     def tip(self) -> Float[np.ndarray, "poses 3 unknowns"]:
@@ -86,7 +94,8 @@ class CandidateSet:
         """The coordinates of a criterion."""
         return self.all_unknowns if criterion_named(criterion).needs_zone else self.identifiable
 
-    def _rows(self, touches: Candidates) -> Float[np.ndarray, "touches unknowns"]:
+    def rows_of(self, touches: Candidates) -> Float[np.ndarray, "touches unknowns"]:
+        """Whitened rows of touches that all meet their faces, by all unknowns."""
         return self.prior.unknowns.rows(touches.rows(self.cell), self.theta)
 
     @cached_property
@@ -147,58 +156,36 @@ class CandidateSet:
     def promise(self, touches: Candidates, times: float = 1.0, further: np.ndarray | None = None) -> Promise:
         """The tip error to expect in the zone after touches that are each made so many `times`.
 
-        Whitened rows of `further` measurements, made after the touches, count with them.
-
-        A touch that misses tells nothing. The promise is that over robots drawn from what is known that meet most of
-        the touches. If few do, each touch counts by the share of robots that meet it.
+        Whitened rows of `further` measurements, made after the touches, count with them. A touch that misses tells
+        nothing: the promise is that over robots drawn from what is known, each of which misses others.
         """
-        rows, lands = np.sqrt(times) * self._rows(touches), self._lands(touches)
-        prior = self.prior if further is None else self.prior.updated(further)
-        finish = lands.mean(axis=1) >= MOST
-        if finish.mean() < FEW:
-            rows = rows * np.sqrt(lands.mean(axis=0))[:, None]
-            return promise(TipErrors(prior.updated(rows).root(self.tip)))
-        robots = Counter(map(tuple, lands[finish].tolist()))
-        models = (
-            TipErrors(prior.updated(rows[np.array(hit)]).root(self.tip), weight=float(count))
-            for hit, count in robots.items()
-        )
-        return promise(*models)
+        return self.searches(touches).promise(self._tip, times, None if further is None else self.prior.root(further))
+
+    @cached_property
+    def _tip(self) -> Float[np.ndarray, "poses 3 unknowns"]:
+        """Rows of the tip at the poses of the zone, in units of the deviations that are known [mm]."""
+        return self.prior.root(self.tip)
+
+    def searches(self, touches: Candidates) -> Searches:
+        """What robots drawn from what is known meet and learn with touches; the last ones are remembered."""
+        name = touches.q.tobytes()
+        if name not in self._searched:
+            self._searched.clear()
+            self._searched[name] = searches(self.prior, touches)
+        return self._searched[name]
+
+    @cached_property
+    def _searched(self) -> dict[bytes, Searches]:
+        """By the postures at contact."""
+        return {}
 
     def promise_of(self, points: Float[np.ndarray, "points 3 unknowns"], touches: Candidates) -> Promise:
         """The error to expect of points with these rows after touches, each of which is made until it hits."""
-        return promise(TipErrors(self.prior.updated(self._rows(touches)).root(points)))
-
-    def warnings(self, touches: Candidates) -> tuple[str, ...]:
-        """A sentence if more than 5 of 100 robots drawn from what is known miss many of the touches."""
-        stopped = (self._lands(touches).mean(axis=1) < MOST).mean()
-        if stopped <= 0.05:
-            return ()
-        whose = "that of the others" if 1 - stopped >= FEW else "that of the average robot"
-        return (
-            f"about {100 * stopped:.0f} of 100 robots with these tolerances miss more than {100 * (1 - MOST):.0f} % of "
-            f"the touches, and their run may stop: the promise is {whose}. Measure base and tool better, or use "
-            "touchcal campaign, which begins with long searches.",
-        )
-
-    def _lands(self, touches: Candidates) -> Bool[np.ndarray, "robots touches"]:
-        """Which touches meet their faces, by robots drawn from what is known.
-
-        A robot that is off moves the whole search by as much: it slides off the face, begins behind it, or ends before.
-        """
-        x = self.prior.draws(ROBOTS, np.random.default_rng(0))
-        off = np.einsum("tik,rk->rti", self.prior.unknowns.tip_rows(touches.q, self.theta), x, optimize=True)
-        place = np.empty((*off.shape[:2], 2))
-        for i in np.unique(touches.face):
-            here = touches.face == i
-            place[:, here] = touches.faces[i].fractions(touches.point[here] + off[:, here])
-        height, touch = (off * touches.normal).sum(axis=2), self.cell.touch
-        meets = (height > -touch.approach) & (height < touch.travel - touch.approach)
-        return np.asarray(meets & ((place > 0) & (place < 1)).all(axis=2))
+        return promise(TipErrors(self.prior.updated(self.rows_of(touches)).root(points)))
 
     def deviations(self, touches: Candidates) -> Float[np.ndarray, " touches"]:
         """How far each contact may be from where the touches before it predict it [mm, 1 sigma]."""
-        B = self.prior.root(self._rows(touches))
+        B = self.prior.root(self.rows_of(touches))
         C, out = np.eye(B.shape[1]), np.empty(len(touches))
         for i, f in enumerate(B):
             x = C @ f

@@ -131,7 +131,10 @@ def _result(
             for i in order.blocked
         ]
         if offer.touches is not None:
-            notes += [*offer.touches.candidates.notes, *offer.touches.warnings(offer.touches.candidates.take(index))]
+            notes += [
+                *offer.touches.candidates.notes,
+                *offer.touches.searches(offer.touches.candidates.take(index)).sentences(),
+            ]
         begin += len(index)
     alone = {}
     if len(problem.offers) > 1:

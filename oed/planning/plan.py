@@ -58,8 +58,6 @@ def plan(
     *,
     target: float | None = None,
     after: Calibration | None = None,
-    robust: int = 0,
-    worst: bool = False,
     lifting: bool = True,
     count: int = COUNT,
     seconds: float | None = None,
@@ -67,18 +65,18 @@ def plan(
 ) -> PlanResult:
     """Choose touches of the jig: `n` of them (50), or as few as bring the tip error in the zone below `target`.
 
-    `target` is the 95 % error [mm]. To what an earlier calibration knows (`after`), new touches are added. With
-    `robust` robots drawn from what is known, touches are judged by the mean over them, or with `worst` by the least.
-    Without `lifting` all ways between touches are straight. `count` touches are on offer. The same `rng` gives the
-    same plan, except with `seconds`: then the search for better touches and a better bound takes so long. Raises
-    InputError where no plan can be made.
+    `target` is the 95 % error [mm]. To what an earlier calibration knows (`after`), new touches are added. They are
+    chosen for robots drawn from what is known, each of which misses other touches, and so is what they promise.
+    Without `lifting` all ways between touches are straight. `count` touches are on offer. The same `rng` gives the same
+    plan, except with `seconds`: then the search for better touches and a better bound takes so long. Raises InputError
+    where no plan can be made.
     """
     rng = np.random.default_rng(0) if rng is None else rng
     say = progress or (lambda what, share: None)
     _check(n, target, criterion, strategy, seconds)
     say("finding touches that can be made", 0.0)
     offered = candidate_set(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
-    setting = Setting(offered, criterion, strategy, rng, robust, worst, seconds)
+    setting = Setting(offered, criterion, strategy, rng, seconds)
     if target is not None:
         say("looking for the number of touches", 0.3)
         n = smallest(offered, target, setting.quickly)
@@ -132,7 +130,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
     """What a chosen set promises."""
     offered, touches = setting.offered, choice.touches
     plan, basis = with_via(plan_of(touches), choice.order.via), offered.identifiable.basis
-    rows = offered.prior.unknowns.rows(touches.rows(offered.cell), offered.theta)
+    rows = offered.rows_of(touches)
     return PlanResult(
         plan=plan,
         strategy=setting.strategy,
@@ -147,10 +145,10 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         promise=offered.promise(touches),
         curve=curve(offered, touches),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
-        unseen=unseen(offered.identifiable, offered.rows @ basis, rows @ basis, offered.zone),
+        unseen=unseen(offered.identifiable, offered.rows_of(offered.candidates) @ basis, rows @ basis, offered.zone),
         notes=(
             *offered.candidates.notes,
-            *offered.warnings(touches),
+            *offered.searches(touches).sentences(),
             *blocked_ways(plan, choice.order),
             limiting(offered.prior.updated(rows), offered.zone),
         ),

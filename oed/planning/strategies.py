@@ -12,7 +12,7 @@ from oed.candidates.candidates import Candidates
 from oed.candidates.even import even
 from oed.criteria.criterion import Criterion
 from oed.planning.candidate_set import CandidateSet
-from oed.planning.visitable import Best, Pick, joined, linked, measured, robust, visited
+from oed.planning.visitable import Best, Pick, expected, joined, linked, measured, visited
 from oed.refinement.certificate import Certificate, Manifold, generate_columns
 from oed.refinement.coordinate import Refinement, refine, replaced
 from probe.motion.tour import Order
@@ -50,8 +50,6 @@ class Setting:
     criterion: str
     strategy: str
     rng: np.random.Generator
-    draws: int = 0  # robots that the touches have to suit, besides the most likely one
-    worst: bool = False
     seconds: float | None = None  # for columns and exchange; None: as many rounds as a plan needs
 
     @property
@@ -71,7 +69,7 @@ class Setting:
 
     def choose(self, n: int, say: Say) -> Choice:
         """Touches in an order; ways that cannot be kept clear are part of it."""
-        if self.strategy != "optimal" or self.draws:
+        if self.strategy != "optimal":
             say("choosing", 0.0)
             visit = visited(self.offered, self._pick(n), self.rng)
             touches = self.offered.candidates.take(visit.order.index)
@@ -89,9 +87,9 @@ class Setting:
         say("exchanging", 0.4)
         offered = self.offered.with_candidates(manifold.touches)
         seconds = None if self.seconds is None else self.seconds * EXCHANGE
-        pick = Best(offered, n, self.criterion, searches=self._searches(n), seconds=seconds)
-        visit = visited(offered, pick, self.rng)
-        bound, touches = pick.bound(visit.allowed), offered.candidates.take(visit.order.index)
+        best = Best(offered, n, self.criterion, searches=self._searches(n), seconds=seconds)
+        visit = visited(offered, expected(best), self.rng)
+        bound, touches = best.bound(visit.allowed), offered.candidates.take(visit.order.index)
         say("refining", 0.7)
         touches, order = self._refined(refinement, touches, lambda share: say("refining", 0.7 + 0.3 * share))
         while self.seconds is not None and time.perf_counter() - begin < LATE * self.seconds:
@@ -126,7 +124,7 @@ class Setting:
         """The touches exchanged with candidates and refined once more; None if that tells no more."""
         count, n = len(offered.candidates), len(touches)
         offered = offered.with_candidates(offered.candidates.followed_by(touches))
-        pick = Best(offered, n, self.criterion, searches=self._searches(n))
+        pick = expected(Best(offered, n, self.criterion, searches=self._searches(n)))
         start = np.arange(count, count + n)
         visit = visited(offered, lambda allowed, before: pick(allowed, start if before is None else before), self.rng)
         better, order = self._refined(refinement, offered.candidates.take(visit.order.index), lambda share: None)
@@ -143,10 +141,7 @@ class Setting:
             return lambda allowed, before: even(offered.candidates, n, allowed)
         if self.strategy == "random":
             return lambda allowed, before: rng.choice(np.flatnonzero(allowed), n, replace=False)
-        if self.draws:
-            models = np.concatenate([offered.theta[None], offered.prior.robots(self.draws, rng)])
-            return robust(offered, n, self.criterion, models, self.worst)
-        return Best(offered, n, self.criterion)
+        return expected(Best(offered, n, self.criterion))
 
     def _refined(
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
@@ -170,5 +165,5 @@ class Setting:
 
     def _phi(self, touches: Candidates) -> float:
         """The criterion of touches and what is known before, of degree one in the information."""
-        rows = self.coordinates.rows(touches.rows(self.offered.cell))
+        rows = self.coordinates.rows(touches.expected_rows(self.offered.cell))
         return self.measure.phi(self.coordinates.information(rows))

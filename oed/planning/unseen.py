@@ -65,7 +65,7 @@ def plan_unseen(
         plan=plan,
         apart=_apart(cell, touches.q, seen),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
-        notes=(*offered.candidates.notes, *offered.warnings(touches), *blocked_ways(plan, order)),
+        notes=(*offered.candidates.notes, *offered.searches(touches).sentences(), *blocked_ways(plan, order)),
     )
 
 

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.uncertainty.coordinates import Coordinates
 from oed.candidates.candidates import Candidates
+from oed.candidates.hits import Outcome
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
 from oed.design.constraints import Rules
@@ -24,7 +25,8 @@ from probe.motion.tour import Order
 GAP = 3e-3  # of the relaxation: its bound holds at any gap
 FEW = 6  # local searches, where touches are chosen again and again
 USED = 60  # touches of the relaxation that are asked whether clear ways join them
-POOL = 1500  # touches that an exchange for several robots looks at
+POOL = 400  # touches that an exchange over several robots looks at
+ROBOTS = 48  # of them
 TRIES = 4  # of choosing again where the chosen cannot be visited
 MENDS = 6  # of replacing what cannot be visited
 LOOKS = 30  # at touches that tell nearly the same
@@ -199,29 +201,29 @@ def measured(
     return chosen.on(zone, len(coordinates))
 
 
-def robust(
-    offered: CandidateSet, n: int, criterion: str, models: Float[np.ndarray, "models parameters"], worst: bool
-) -> Pick:
-    """Choose what is best over several robots: by the mean of the criterion over them, or with `worst` by the least.
+def expected(best: Best) -> Pick:
+    """Choose what is best on average over robots drawn from what is known, each of which misses other touches.
 
-    The search begins with what is best for the first robot.
+    The search begins with what is best for the information of the average robot, and swaps touches for those that would
+    gain most, by the mean logarithm of the criterion; a touch tells a robot that misses it nothing.
     """
-    alone, coordinates, touches = Best(offered, n, criterion), offered.coordinates(criterion), offered.candidates
-    robots, equations = [], touches.rows(offered.cell)
-    for theta in models:
-        here = measured(criterion, offered, offered.prior.unknowns.tip_rows(offered.zone, theta))
-        robots.append(swaps_of(here, coordinates.rows(equations, theta), coordinates.precision))
-    rules = Rules(len(touches), position=_places(offered), distance=1.0)
+    offered, n, coordinates = best.offered, best.n, best.coordinates
+    touches, rules = offered.candidates, Rules(len(offered.candidates), position=_places(offered), distance=1.0)
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
-        start = alone(allowed, before)
-        gains = np.where(allowed, RobustSwaps(robots).gains(start), -np.inf)
-        pool = np.union1d(start, np.argsort(-gains, kind="stable")[: min(POOL, int(allowed.sum()))])
-        few = [robot.among(pool) for robot in robots]
-        for least in (False, True) if worst else (False,):  # the mean leads past sets where the least sticks
-            members = np.searchsorted(pool, start)
-            start = pool[Pool(RobustSwaps(few, least), rules.take(pool), n).descend(members).members]
-        return start
+        start = best(allowed, before)
+        gains = swaps_of(best.measure, best.rows, coordinates.precision).gains(start)
+        some = np.argsort(-np.where(allowed, gains, -np.inf), kind="stable")[: min(POOL, int(allowed.sum()))]
+        pool = np.union1d(start, some)
+        met = touches.hits.outcomes(touches.face[pool], touches.q[pool])[:ROBOTS] == Outcome.MEETS
+        rows = coordinates.rows(touches.take(pool).rows(offered.cell))
+        members = np.searchsorted(pool, start)
+        few = met[:, members].sum(axis=1).min() <= len(coordinates)  # single precision would lose what they tell
+        swaps = (
+            swaps_of(best.measure, rows * hit[:, None], coordinates.precision, None, np.float64 if few else np.float32)
+            for hit in met
+        )
+        return pool[Pool(RobustSwaps(list(swaps)), rules.take(pool), n).descend(members).members]
 
     return pick
 

@@ -49,7 +49,7 @@ class Certificate:
     def covers(self) -> str:
         """One sentence for people."""
         return (
-            "all touches of the faces that can be made, as far as they were priced: "
+            "all touches of the faces that can be made and that robots surely enough meet, as far as they were priced: "
             f"{self.priced} on a grid of corners, edges, tilts, rolls and branches, {self.polished} of them polished "
             f"in {self.rounds} {'round' if self.rounds == 1 else 'rounds'}; a search, not a proof"
         )
@@ -163,4 +163,4 @@ def _polished(
 
 
 def _rows(refinement: Refinement, touches: Candidates) -> Float[np.ndarray, "touches kept"]:
-    return refinement.coordinates.rows(touches.rows(refinement.cell))
+    return refinement.coordinates.rows(touches.expected_rows(refinement.cell))

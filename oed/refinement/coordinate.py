@@ -118,9 +118,13 @@ class Refinement:
             tilt=np.arccos(np.clip(lean, -1, 1)),
             q=q,
             approach=approach,
+            hit=touches.hit[owner],
         )
         fine = landed & (infeasibility == Infeasibility.NONE) & self._inset(trials)
-        return trials.take(fine), owner[fine]
+        trials, owner = trials.take(fine), owner[fine]
+        hit = trials.hits.share(trials.face, trials.q)
+        sure = trials.hits.sure(trials.face, hit)
+        return replace(trials, hit=hit).take(sure), owner[sure]
 
     def _landed(
         self, face: Int[np.ndarray, " trials"], q: Float[np.ndarray, "trials joints"]
@@ -189,7 +193,7 @@ def refine(
     again and gains about a tenth of what was gained before.
     """
     coordinates, say = refinement.coordinates, progress or (lambda share: None)
-    F = coordinates.rows(touches.rows(refinement.cell))
+    F = coordinates.rows(touches.expected_rows(refinement.cell))
 
     def value(rows: Float[np.ndarray, "touches kept"]) -> float:
         return criterion.log(coordinates.information(rows))
@@ -222,7 +226,7 @@ def _accepted(
 ) -> tuple[Candidates, Float[np.ndarray, "touches kept"]]:
     """Touches after those moves towards `goals` that can be made and raise the value; and their rows."""
     trials, owner = refinement.approaches(touches, goals)
-    rows = refinement.coordinates.rows(trials.rows(refinement.cell))
+    rows = refinement.coordinates.rows(trials.expected_rows(refinement.cell))
     best, moved = value(F), set[int]()
     for k, i in enumerate(owner.tolist()):
         if i in moved or not _apart(touches, i, trials, k):

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from identify.model.cell import Cell
 from identify.model.ik_step import LEVER
 from identify.model.kinematics import jig_T_tip, symbols
+from identify.model.measurement import Rows
 from identify.uncertainty.coordinates import Coordinates
 from oed.candidates.candidates import Candidates
 from oed.candidates.edge_margins import Margins
@@ -124,12 +125,12 @@ class Program:
 
     def numbers(self, touches: Candidates) -> Numbers:
         """Constants and limits of touches: inset, tilt, joint limits, and no joint far from where it is."""
-        cell, m = self.cell, len(touches)
+        cell, m, rows = self.cell, len(touches), touches.expected_rows(self.cell)
         robot = cell.robot
         faces = [touches.faces[i] for i in touches.face]
         room = 1 + self.margins.overtravel[touches.face] / cell.touch.approach
         sides = [np.concatenate([f.normal, f.origin, f.u, f.v]) for f in faces]
-        p = np.column_stack([np.array(sides), np.full(m, cell.touch.sigma), room, self._shared(touches)])
+        p = np.column_stack([np.array(sides), rows.sigma, room, self._shared(rows)])
         lower, upper = (np.tile(limit, (m, 1)) for limit in (robot.lower + HAIR, robot.upper - HAIR))
         far = FAR * np.where(robot.prismatic, LEVER, 1.0)
         low, high = np.maximum(lower, touches.q - far), np.minimum(upper, touches.q + far)
@@ -145,9 +146,9 @@ class Program:
             ),
         )
 
-    def _shared(self, touches: Candidates) -> Float[np.ndarray, "touches k"]:
+    def _shared(self, rows: Rows) -> Float[np.ndarray, "touches k"]:
         """What unknowns that touches share add to their rows."""
-        unknowns, rows = self.coordinates.prior.unknowns, touches.rows(self.cell)
+        unknowns = self.coordinates.prior.unknowns
         slopes = unknowns.shared_slopes(rows, self.coordinates.theta) / rows.sigma[:, None]
         return slopes @ self.coordinates.basis[len(unknowns.parameters) :]
 

@@ -16,6 +16,8 @@ from oed.campaigns.campaign import campaign
 from oed.campaigns.connection import Connection
 from oed.campaigns.folder import Folder, over_port, touches_of
 from oed.campaigns.stages import Job
+from oed.candidates.candidates import candidates
+from oed.planning.candidate_set import plan_of
 from oed.planning.uncertain import begun, plan_under_uncertainty
 from probe import Settings
 from probe.line.controller import TouchError
@@ -123,16 +125,18 @@ def test_a_touch_on_another_step_of_the_jig_is_not_taken_for_the_planned_one(kno
 
 @pytest.fixture(scope="module")
 def far(arc_welder):
-    """The cell with searches for a robot that may be 80 mm off, and a few of them."""
+    """The cell with searches for a robot that may be 80 mm off, and a few of them, chosen without care."""
     wide = replace(arc_welder, touch=replace(arc_welder.touch, approach=80.0, travel=160.0))
-    return wide, plan_under_uncertainty(wide, 16, np.random.default_rng(4))
+    return wide, plan_of(candidates(wide, np.random.default_rng(4), 24, share=0.4))
 
 
-@pytest.mark.parametrize("seed", [5, 8, 13])
+@pytest.mark.parametrize("seed", [2, 9, 12])
 def test_searches_that_met_another_face_or_the_table_are_told_from_the_others(far, seed):
-    wide, plan = far
+    wide, searches = far
     truth = draw_truth(wide, np.random.default_rng([seed, 77]))
-    told, made = (touch_batch(wide, truth, plan, np.random.default_rng(seed), blind=blind) for blind in (False, True))
+    told, made = (
+        touch_batch(wide, truth, searches, np.random.default_rng(seed), blind=blind) for blind in (False, True)
+    )
     hit = np.array([status == "hit" for status in made.status])
     told, made = told.take(hit), made.take(hit)
     met = [note.removeprefix("touched ") or face for face, note in zip(told.face, told.note, strict=True)]

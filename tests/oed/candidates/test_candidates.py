@@ -175,7 +175,7 @@ def test_the_same_seed_gives_the_same_candidates():
 
     for name in COLUMNS:
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
-    assert len(first) == len(second) == 300
+    assert 200 < len(first) == len(second) <= 300  # the surest of 300
     assert not np.array_equal(first.q, other.q[:300])
 
 
@@ -227,10 +227,10 @@ def test_what_is_known_of_the_robot_sets_the_distance_from_the_edges():
 
     faces = [f.name for f in cell.jig.faces]
     top, front = faces.index("top-low"), faces.index("front-low")  # u of the top is x, v of the front
-    np.testing.assert_allclose(known.margins.inset[top], [8.0, EDGE], atol=1e-9)
-    np.testing.assert_allclose(known.margins.inset[front], [EDGE, 8.0], atol=1e-9)
+    np.testing.assert_allclose(known.margins.inset[top], [10.0, EDGE], atol=1e-9)
+    np.testing.assert_allclose(known.margins.inset[front], [EDGE, 10.0], atol=1e-9)
     right = faces.index("right-low")
-    assert known.margins.overtravel[right] == pytest.approx(8.0)
+    assert known.margins.overtravel[right] == pytest.approx(10.0)
     assert known.margins.overtravel[top] == pytest.approx(EDGE)
     assert not [note for note in known.notes if "off (" in note]
 
@@ -345,7 +345,8 @@ def test_a_face_without_room_between_its_edges_is_not_touched():
 
     all_found = candidates(replace(cell, jig=jig), np.random.default_rng(1), 300)
 
-    assert all_found.number.tolist() == [300, 0]
+    assert all_found.number[0] > 100
+    assert all_found.number[1] == 0
     assert any("'strip' cannot be touched" in n and "an edge; it is only 5 mm wide" in n for n in all_found.notes)
 
 

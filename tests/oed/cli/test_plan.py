@@ -136,7 +136,7 @@ def test_a_robot_that_may_be_far_off_is_kept_farther_from_the_jig(made):
 
 def test_the_command_tells_the_promise_the_curve_the_certificates_and_what_limits_it(made):
     promise = made.told["promise"]
-    assert 0.11 < promise["rms_mm"] < 0.13
+    assert 3 < promise["rms_mm"] < 30  # a third of the touches miss, of some robots most
     assert promise["rms_mm"] > np.sqrt(made.told["indices"]["V"])  # V takes it that no touch misses
     for words in (
         f"{N} touches, criterion V, about",
@@ -161,7 +161,10 @@ def test_faces_that_are_never_reached_are_told_with_the_reason(made):
     notes = "\n".join(made.told["notes"])
 
     assert "face 'back-low' is reached only with the wire about 71 degrees off its normal" in notes
-    assert "the tip may be up to 80 mm off (2 sigma)" in notes
+    assert re.search(r"the tip may be up to \d\d mm off \(2.5 sigma\)", notes)
+    assert re.search(
+        r"of \d+ touches about \d+\.\d miss \(\d+\.\d %\): .* begin in contact or behind their face", notes
+    )
 
 
 @pytest.fixture
@@ -185,9 +188,8 @@ def cell_file(tmp_path):
         (["-n", 30, "--target", 0.1], "give one, the other follows from it"),
         (["--criterion", "X"], "criterion 'X' is not known"),
         (["--target", -1], "target -1 mm: write the 95 % tip error"),
-        (["--robust", -2], "--robust is -2"),
         (["--seconds", 0], "seconds 0: write how long the plan may search, above 0"),
-        (["--target", 0.01], "no number of touches can promise it.*alone leaves 0.0"),
+        (["--target", 0.01], "no number of touches can promise it.*touches of robots with these.*miss.*campaign"),
     ],
 )
 def test_a_plan_that_cannot_be_is_refused_in_one_sentence(cell_file, tmp_path, touchcal, options, says):

@@ -1,4 +1,4 @@
-"""Swaps for several robots at once: the mean or the least of their criteria, for every criterion."""
+"""Swaps for several robots at once: the mean of their criteria, for every criterion."""
 
 import numpy as np
 import pytest
@@ -19,18 +19,18 @@ def problem(seed, candidates=14, parameters=4, poses=4):
 
 
 @pytest.mark.parametrize("name", CRITERIA)
-@pytest.mark.parametrize("worst", [False, True])
 @settings(max_examples=10)
 @given(seed=SEEDS)
-def test_a_swap_promises_the_mean_or_the_least_of_several_robots(name, worst, seed):
+def test_a_swap_promises_the_mean_of_several_robots_some_of_which_miss_a_touch(name, seed):
     rows, zone, rng = problem(seed)
-    several = [rows, rows + 0.3 * rng.normal(size=rows.shape), rows + 0.3 * rng.normal(size=rows.shape)]
-    swaps = RobustSwaps([swaps_of(CRITERIA[name].on(zone, 4), X, 1e-6 * np.eye(4)) for X in several], worst)
+    missing = np.where(rng.random((14, 1)) < 0.3, 0.0, rows)
+    several = [rows, missing, rows + 0.3 * rng.normal(size=rows.shape)]
+    swaps = RobustSwaps([swaps_of(CRITERIA[name].on(zone, 4), X, 1e-6 * np.eye(4)) for X in several])
     swaps.load(rng.choice(14, 8, replace=False))
 
     def judged(chosen):
         logs = [CRITERIA[name].on(zone, 4).log(X[chosen].T @ X[chosen] + 1e-6 * np.eye(4)) for X in several]
-        return min(logs) if worst else np.mean(logs)
+        return np.mean(logs)
 
     for _ in range(3):
         table = swaps.table()
@@ -44,15 +44,14 @@ def test_a_swap_promises_the_mean_or_the_least_of_several_robots(name, worst, se
         assert promised == pytest.approx(judged(after) - before, abs=2e-4)  # single precision
 
 
-@pytest.mark.parametrize("worst", [False, True])
-def test_what_is_exchanged_for_several_robots_suits_them_at_least_as_well_as_what_suits_one(worst):
+def test_what_is_exchanged_for_several_robots_suits_them_at_least_as_well_as_what_suits_one():
     rows, _, rng = problem(17, candidates=80, parameters=4)
     several = [rows, *(rows + 0.5 * rng.normal(size=(3, *rows.shape)))]
     known = 1e-3 * np.eye(4)
     robots = [swaps_of(CRITERIA["D"], X, known) for X in several]
 
     alone = exchanged(robots[0], 8)
-    robust = RobustSwaps(robots, worst)
+    robust = RobustSwaps(robots)
     together = exchanged(robust, 8, alone)
 
     assert len(set(together.tolist())) == 8

@@ -16,7 +16,7 @@ from oed.criteria.criteria import CRITERIA
 from oed.planning.candidate_set import candidate_set
 from oed.planning.plan import plan, summary
 from oed.planning.strategies import STRATEGIES
-from oed.planning.visitable import Best, linked, measured, robust
+from oed.planning.visitable import Best, linked, measured
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import draw_truth
 
@@ -162,12 +162,24 @@ def test_the_summary_has_what_the_command_promises(optimal):
     assert N * 5 / 60 < told["minutes"] < N * 20 / 60
 
 
-def test_the_curve_passes_through_the_plan_and_falls(optimal):
-    counts, errors = zip(*optimal.curve, strict=True)
+def test_the_curve_passes_through_the_plan_and_falls(near, optimal):
+    for result in (near[1], optimal):
+        counts, errors = zip(*result.curve, strict=True)
 
-    assert dict(optimal.curve)[N] == pytest.approx(optimal.promise.p95_mm)
-    assert list(counts) == sorted(counts)
-    assert (np.diff(errors) < 0).all()
+        assert dict(result.curve)[N] == pytest.approx(result.promise.p95_mm)
+        assert list(counts) == sorted(counts)
+        assert (np.diff(errors) < (0.0 if result is near[1] else 1e-3 * errors[0])).all()  # some robots miss them all
+
+
+def test_a_plan_says_how_many_touches_will_miss_and_promises_less_for_it(near, optimal):
+    searches = next(note for note in optimal.notes if "miss (" in note)
+
+    share = float(searches.split("(")[1].split(" %")[0])
+    assert 20 < share < 60  # robots may be 50 mm off, and searches begin 25 mm before their faces
+    assert "begin in contact or behind their face" in searches
+    assert optimal.promise.p95_mm > 20 * near[1].promise.p95_mm
+    few = [float(note.split("miss (")[1].split(" %")[0]) for note in near[1].notes if "miss (" in note]
+    assert sum(few) < 3
 
 
 def test_progress_goes_from_nothing_to_all(arc_welder):
@@ -186,7 +198,7 @@ def test_postures_with_the_elbow_bent_past_the_shoulder_are_left_out(offered):
 
     joined, _ = linked(Best(offered, N, "V"))
 
-    assert bent.sum() > 20
+    assert bent.sum() > 5
     assert joined[bent].mean() < 0.1
     assert joined[~bent].mean() > 0.85
 
@@ -225,27 +237,6 @@ def test_touches_after_a_calibration_add_to_what_is_known(arc_welder, optimal):
     assert np.abs(height).max() <= arc_welder.wire.radius + 1e-3  # on the faces by the calibrated robot
     assert len(more) == 8
     assert more.promise.p95_mm < optimal.promise.p95_mm
-
-
-def test_a_robust_plan_suits_the_worst_of_the_drawn_robots_better(offered):
-    models = np.vstack([offered.theta, offered.prior.robots(5, np.random.default_rng(8))])
-    coordinates, touches = offered.all_unknowns, offered.candidates.rows(offered.cell)
-    rows = [coordinates.rows(touches, theta) for theta in models]
-    B = [measured("V", offered, offered.prior.unknowns.tip_rows(offered.zone, theta)).W for theta in models]
-    everything = np.ones(len(offered.candidates), dtype=bool)
-
-    def worst(index):
-        return max(np.trace(b @ np.linalg.inv(coordinates.information(F[index]))) for b, F in zip(B, rows, strict=True))
-
-    chosen = {flag: robust(offered, N, "V", models, flag)(everything, None) for flag in (True, False)}
-    nominal = robust(offered, N, "V", offered.theta[None], False)(everything, None)
-
-    assert worst(chosen[True]) < worst(nominal)
-    assert worst(chosen[True]) < worst(chosen[False])
-
-
-def test_a_robust_plan_can_be_made(arc_welder):
-    assert len(planned(arc_welder, robust=2, count=400)) == N
 
 
 def test_a_target_is_met_with_few_touches(near):

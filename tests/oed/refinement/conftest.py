@@ -46,6 +46,6 @@ def moved(refinement, criterion, chosen):
 @pytest.fixture(scope="package")
 def information(offered, best):
     def of(touches):
-        return best.coordinates.information(best.coordinates.rows(touches.rows(offered.cell)))
+        return best.coordinates.information(best.coordinates.rows(touches.expected_rows(offered.cell)))
 
     return of

@@ -54,13 +54,13 @@ def test_no_two_moved_touches_become_one(moved, chosen):
 def test_no_small_step_along_the_face_beats_what_ipopt_found(offered, refinement, criterion, information, chosen, rng):
     """Random feasible steps around the optimum, brought back to the face by inverse kinematics."""
     M, one = information(chosen), chosen.take(np.array([3]))
-    f = refinement.coordinates.rows(one.rows(offered.cell))[0]
+    f = refinement.coordinates.rows(one.expected_rows(offered.cell))[0]
     C = np.linalg.inv(M - np.outer(f, f))
     S = criterion.slope(M - np.outer(f, f))
 
     def worth(q):
         many = one.take(np.zeros(len(q), dtype=int))
-        rows = refinement.coordinates.rows(replace(many, q=q).rows(offered.cell))
+        rows = refinement.coordinates.rows(replace(many, q=q).expected_rows(offered.cell))
         return ((rows @ S) * rows).sum(axis=1) / (1 + ((rows @ C) * rows).sum(axis=1))
 
     best = refinement.best(one, C[None], S[None])[0]

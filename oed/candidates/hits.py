@@ -1,0 +1,227 @@
+"""What robots that may be off meet with a search: its face, the outside of it, something else first, or nothing."""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from identify.model.cell import Cell
+from probe.motion.obstacles import Obstacle, obstacles
+
+ROBOTS = 128  # drawn, by which touches are chosen
+SEED = 11
+SURE = 0.98  # share of the robots that should meet a touch, or that which
+SUREST = 0.1  # of the postures of its face reach;
+POOR = 0.8  # where that is less, all postures are asked for: there is nothing sure on such a face
+BLOCK = 1_000  # touches looked at together
+TOWARDS = 0.05  # cosine between two normals, above which a search for one face also goes down to the other
+
+
+class Outcome(IntEnum):
+    """What a search ends with."""
+
+    MEETS = 0
+    SLIDES = 1
+    OTHER = 2
+    BEHIND = 3
+    SHORT = 4
+
+
+MISSES = {
+    Outcome.SLIDES: "pass beside their face",
+    Outcome.OTHER: "meet another face first",
+    Outcome.BEHIND: "begin in contact or behind their face",
+    Outcome.SHORT: "end before their face",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """Searches of robots drawn from what is known of one."""
+
+    cell: Cell
+    theta: Float[np.ndarray, " parameters"]  # [mm, rad]
+    off: Float[np.ndarray, "robots parameters"]  # [mm, rad], by which each robot differs from theta
+    least: Float[np.ndarray, " faces"] | None = None  # share of the robots that a touch has to be met by; None: any
+
+    @classmethod
+    def drawn(
+        cls, cell: Cell, theta: Float[np.ndarray, " parameters"], root: Float[np.ndarray, "parameters directions"]
+    ) -> "Hits":
+        """ROBOTS robots of the covariance root root', each direction at the same quantiles (Latin hypercube)."""
+        from scipy.special import ndtri
+
+        quantiles = np.tile(ndtri((np.arange(ROBOTS) + 0.5) / ROBOTS), (root.shape[1], 1))
+        return cls(cell, theta, (root @ np.random.default_rng(SEED).permuted(quantiles, axis=1)).T)
+
+    def share(
+        self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
+    ) -> Float[np.ndarray, " touches"]:
+        """The share of the robots whose search meets its face."""
+        return np.asarray((self.outcomes(face, q) == Outcome.MEETS).mean(axis=0))
+
+    def requiring(self, face: Int[np.ndarray, " touches"], share: Float[np.ndarray, " touches"]) -> "Hits":
+        """The same, with what surely meets a face to be asked for: SURE, or what the surest postures have."""
+        least = np.zeros(len(self.cell.the_jig.faces))
+        for i in np.unique(face):
+            surest = np.percentile(share[face == i], 100 * (1 - SUREST))
+            least[i] = min(SURE, surest) if surest > POOR else 0.0
+        return replace(self, least=least)
+
+    def sure(
+        self, face: Int[np.ndarray, " touches"], share: Float[np.ndarray, " touches"]
+    ) -> Bool[np.ndarray, " touches"]:
+        """Whether touches that this share of the robots meets are sure enough."""
+        return np.ones(len(face), dtype=bool) if self.least is None else share >= self.least[face]
+
+    def outcomes(
+        self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
+    ) -> Int[np.ndarray, "robots touches"]:
+        """What each robot meets with each touch: the whole search is off by what its tip is off at contact, to first
+        order.
+        """
+        out = np.empty((len(self.off), len(q)), dtype=np.int8)
+        approach = self.cell.touch.approach
+        for i in np.unique(face):
+            mine, normal = np.flatnonzero(face == i), self.cell.the_jig.faces[i].normal
+            for begin in range(0, len(mine), BLOCK):
+                some = mine[begin : begin + BLOCK]
+                tip, J = self.cell.kinematics.tip_jacobian(q[some], self.theta)
+                off = (self.off @ J.reshape(3 * len(some), -1).T).reshape(-1, len(some), 3)
+                extent = tip @ normal - self.cell.the_jig.faces[i].offset
+                out[:, some] = self.outcome(int(i), (tip + approach * normal) + off, -approach * normal, extent)
+        return out
+
+    def outcome(
+        self,
+        face: int,
+        start: Float[np.ndarray, "robots touches 3"],
+        way: Float[np.ndarray, "*searches 3"],
+        extent: Float[np.ndarray, " touches"],
+    ) -> Int[np.ndarray, "robots touches"]:
+        """What straight searches for a face meet, from the start of each by the `way` to the planned contact and on.
+
+        The way may be one for all. `extent` is how far the middle of the wire's end stays off a face at contact [mm].
+        """
+        own, reach = self._rectangles[face], self.cell.touch.travel / self.cell.touch.approach
+        at, inside = own.crossing(start, way, extent)
+        out = np.where(inside, Outcome.MEETS, Outcome.SLIDES).astype(np.int8)
+        end = start + reach * way
+        low, high = np.minimum(start, end).min(axis=0), np.maximum(start, end).max(axis=0)
+        for other in self._others[face]:
+            near = other.near(low, high)
+            some = way if way.ndim == 1 else way[:, near]
+            there, within = other.crossing(start[:, near], some, extent[near])
+            first = within & (there >= 0) & (there < np.minimum(at[:, near], reach))
+            out[:, near] = np.where(first, Outcome.OTHER, out[:, near])
+        out[(at >= reach) & (out != Outcome.OTHER)] = Outcome.SHORT
+        out[at <= 0] = Outcome.BEHIND
+        for solid, box in zip(self._solids, self._around, strict=True):
+            near = box.near(low, high)
+            begun = solid.point(start[:, near].reshape(-1, 3).T) <= 0
+            out[:, near] = np.where(begun.reshape(len(start), len(near)), Outcome.BEHIND, out[:, near])
+        return out
+
+    @cached_property
+    def _solids(self) -> list[Obstacle]:
+        """Boxes, straight or leaning: a search that begins in one begins in contact."""
+        return [solid for solid in obstacles(self.cell.jig, self.cell.obstacles) if solid.shape is None]
+
+    @cached_property
+    def _around(self) -> list["_Bounds"]:
+        """What is around each of them, along the axes of the jig."""
+        return [_Bounds.of(np.concatenate([side.corners for side in _sides(solid)])) for solid in self._solids]
+
+    @cached_property
+    def _rectangles(self) -> list["_Rectangle"]:
+        return [_Rectangle(f.origin, f.u, f.v, f.normal) for f in self.cell.the_jig.faces]
+
+    @cached_property
+    def _others(self) -> list[list["_Rectangle"]]:
+        """For each face the other faces, and sides of boxes, that a search for it could meet from outside."""
+        sides = [side for solid in self._solids for side in _sides(solid)]
+        every = [*self._rectangles, *sides]
+        return [[other for other in every if other is not own and other.before(own)] for own in self._rectangles]
+
+
+@dataclass(frozen=True, eq=False)
+class _Bounds:
+    """A box along the axes of the jig around something [mm]."""
+
+    low: Float[np.ndarray, " 3"]
+    high: Float[np.ndarray, " 3"]
+
+    @classmethod
+    def of(cls, points: Float[np.ndarray, "points 3"]) -> "_Bounds":
+        """The box around points."""
+        return cls(points.min(axis=0), points.max(axis=0))
+
+    def near(
+        self, low: Float[np.ndarray, "touches 3"], high: Float[np.ndarray, "touches 3"]
+    ) -> Int[np.ndarray, " some"]:
+        """The boxes that meet this one."""
+        return np.flatnonzero(((high >= self.low) & (low <= self.high)).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rectangle:
+    """A rectangle seen from outside: a face, or a side of a box."""
+
+    origin: Float[np.ndarray, " 3"]  # [mm]
+    u: Float[np.ndarray, " 3"]  # [mm]
+    v: Float[np.ndarray, " 3"]
+    normal: Float[np.ndarray, " 3"]
+
+    @cached_property
+    def corners(self) -> Float[np.ndarray, "4 3"]:
+        """Its corners [mm]."""
+        return self.origin + np.array([0 * self.u, self.u, self.v, self.u + self.v])
+
+    @cached_property
+    def _bounds(self) -> _Bounds:
+        return _Bounds.of(self.corners)
+
+    def near(
+        self, low: Float[np.ndarray, "touches 3"], high: Float[np.ndarray, "touches 3"]
+    ) -> Int[np.ndarray, " some"]:
+        """The boxes that meet the one around the rectangle."""
+        return self._bounds.near(low, high)
+
+    def before(self, other: "_Rectangle") -> bool:
+        """Whether a search for another face may meet this one, which lies in another plane."""
+        apart = abs(float(self.normal @ (self.origin - other.origin)))
+        cosine = float(self.normal @ other.normal)
+        return cosine > TOWARDS and not (cosine > 1 - 1e-9 and apart < 1e-3)
+
+    @cached_property
+    def _axes(self) -> Float[np.ndarray, "3 3"]:
+        """Height over the plane [mm], and fractions of u and v."""
+        return np.stack([self.normal, self.u / (self.u @ self.u), self.v / (self.v @ self.v)])
+
+    def crossing(
+        self,
+        start: Float[np.ndarray, "robots touches 3"],
+        way: Float[np.ndarray, "*searches 3"],
+        extent: Float[np.ndarray, " touches"],
+    ) -> tuple[Float[np.ndarray, "robots touches"], Bool[np.ndarray, "robots touches"]]:
+        """Where each search comes to the plane, 1 being the planned contact, and whether on the rectangle."""
+        height, s, t = (np.asarray(start @ a - a @ self.origin) for a in self._axes)
+        down, along, across = (np.asarray(way @ a) for a in self._axes)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = np.where(down < 0, (extent - height) / down, np.inf)
+            s, t = s + at * along, t + at * across  # NaN where the search never comes there
+        return at, (s > 0) & (s < 1) & (t > 0) & (t < 1)
+
+
+def _sides(solid: Obstacle) -> list[_Rectangle]:
+    """The six sides of a box."""
+    axes = np.eye(3) if solid.axes is None else solid.axes
+    size, out = solid.upper - solid.lower, []
+    for k in range(3):
+        u, v = ((size[j] * axes[j]) for j in ((k + 1) % 3, (k + 2) % 3))
+        low, high = axes.T @ solid.lower, axes.T @ solid.upper
+        out.append(_Rectangle(high - u - v, u, v, axes[k]))
+        out.append(_Rectangle(low, v, u, -axes[k]))
+    return out

@@ -1,0 +1,79 @@
+"""What a search meets, by robots that may be off: compared with searches followed on the virtual jig."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cells import cell_of
+
+from identify.model.cell import DEG, Priors
+from oed.candidates.candidates import candidates
+from oed.candidates.hits import Hits, Outcome
+from oed.planning.candidate_set import plan_of
+from probe.virtual.batch import touch_batch
+from probe.virtual.truth import Truth
+
+
+@pytest.fixture(scope="module")
+def cell():
+    rough = Priors((6.0, 1.0 * DEG), (6.0, 1.0 * DEG), (2.0, 0.6 * DEG))
+    return replace(cell_of("arc-welder"), priors=rough)
+
+
+@pytest.fixture(scope="module")
+def some(cell):
+    return candidates(cell, np.random.default_rng(2), 400, structured=0.0, share=0.0)
+
+
+def drawn(cell, robots=24):
+    return cell.spread * np.random.default_rng(8).standard_normal((robots, len(cell.theta)))
+
+
+def test_searches_meet_what_they_meet_on_the_virtual_jig(cell, some):
+    off = drawn(cell)
+
+    outcomes = Hits(cell, cell.theta, off).outcomes(some.face, some.q)
+
+    plan, rng = plan_of(some), np.random.default_rng(1)
+    met = [touch_batch(cell, Truth(cell.theta + one), plan, rng, sigma=0.0) for one in off]
+    hit = np.array([[status == "hit" for status in touches.status] for touches in met])
+    assert 0.7 < hit.mean() < 0.95
+    assert ((outcomes == Outcome.MEETS) == hit).mean() > 0.97  # the other robots' tips pass edges by a hair
+    assert (outcomes == Outcome.MEETS).mean() == pytest.approx(hit.mean(), abs=0.01)
+
+
+def test_a_robot_as_drawn_meets_every_touch(cell, some):
+    assert (Hits(cell, cell.theta, np.zeros((1, len(cell.theta)))).outcomes(some.face, some.q) == Outcome.MEETS).all()
+
+
+@pytest.mark.parametrize(
+    ("shift", "outcome"), [((0, 0, 200), Outcome.SHORT), ((0, 0, -200), Outcome.BEHIND), ((400, 0, 0), Outcome.SLIDES)]
+)
+def test_a_base_that_stands_elsewhere_makes_touches_from_above_miss(cell, some, shift, outcome):
+    top = some.take(some.face == [f.name for f in some.faces].index("top-high"))
+    off = np.zeros((1, len(cell.theta)))
+    off[0, :3] = shift
+
+    outcomes = Hits(cell, cell.theta, off).outcomes(top.face, top.q)
+
+    assert len(top)
+    assert (outcomes == outcome).all()
+
+
+def test_a_search_beside_a_high_step_meets_it_first(cell, some):
+    low = some.take(some.face == [f.name for f in some.faces].index("front-low"))
+    off = np.zeros((1, len(cell.theta)))
+    off[0, 1:3] = -20.0, 110.0  # over the edge of the low step, before the high one
+
+    outcomes = Hits(cell, cell.theta, off).outcomes(low.face, low.q)
+
+    assert set(outcomes.ravel().tolist()) <= {Outcome.SLIDES, Outcome.SHORT, Outcome.OTHER}
+
+
+def test_faces_are_asked_for_sure_touches_where_they_have_them(cell, some):
+    share = np.where(some.face == some.face[0], np.linspace(0.8, 1.0, len(some)), 0.5)
+
+    sure = some.hits.requiring(some.face, share).sure(some.face, share)
+
+    assert share[sure & (some.face == some.face[0])].min() >= 0.97
+    assert sure[some.face != some.face[0]].all()  # nothing is sure there
