@@ -112,8 +112,8 @@ def remarks(calibration: Calibration, fixed_to: Hold) -> list[str]:
         if distance > MOVED or angle > MOVED:
             sentences.append(
                 f"the base was found {distance:.2f} mm and {angle:.2f} degrees from where the cell file puts it, and "
-                "points are taken to stand with the jig; if they stand with the robot, which taught their frames, say "
-                "fixed to robot"
+                "points are taken to stand with the jig; if they stand with the robot, which taught their frames, give "
+                "compensate --fixed-to robot, or fix --setup with `fixed_to: robot`"
             )
     return sentences
 

@@ -23,6 +23,8 @@ from identify.programs.setup import Setup
 from identify.programs.source import Source, source_of
 from identify.programs.writing import faithful, replaced, replacements, skeleton
 
+ABSENT = "absent: a motion goes there, and the program holds no such position"
+
 
 @dataclass(frozen=True, eq=False)
 class Fixed:
@@ -70,6 +72,7 @@ def fix(calibration: Calibration, programs: Mapping[str, bytes], setup: Setup | 
     found = _find(sources, setup)
     able = {name: correct(calibration, found[name].records, maker_of(name), setup) for name in sources}
     stopped = {_path(name) for name in sources for one in able[name] if _stops(one, found[name])}
+    stopped |= {_path(name) for name in sources if _absent(found[name])}
     done = {name: [_held(one) for one in able[name]] if _path(name) in stopped else able[name] for name in sources}
     texts = {name: Source(name, _corrected(source, done[name], maker_of(name))) for name, source in sources.items()}
     again = _find(texts, setup)
@@ -86,6 +89,11 @@ def _path(name: str) -> str:
 def _stops(one: Corrected, found: Found) -> bool:
     """Whether a position leaves its path as it is."""
     return bool(one.why) and (found.used is None or one.record.name in found.used)
+
+
+def _absent(found: Found) -> list[str]:
+    """Positions that motions go to, and that the program does not hold."""
+    return sorted((found.used or frozenset()).difference(record.name for record in found.records))
 
 
 def _held(one: Corrected) -> Corrected:
@@ -117,6 +125,7 @@ def _check(before: Source, after: Source, done: Sequence[Corrected], found: Foun
 
 def _fixed(before: Source, after: Source, done: Sequence[Corrected], found: Found, whole: bool) -> Fixed:
     left = tuple(Mention(before.name, one.record.line, one.record.name, one.why) for one in done if one.why)
+    left += tuple(Mention(before.name, 0, name, ABSENT) for name in _absent(found))
     moves = [one.move for one in done if one.move is not None]
     steps = np.linalg.norm(np.diff(moves, axis=0), axis=1) if len(moves) > 1 else np.zeros(1)
     notes = dict.fromkeys(note for one in done for note in one.notes)

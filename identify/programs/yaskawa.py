@@ -57,9 +57,12 @@ def _find(source: Source, setup: Setup) -> Found:
 
 
 def _used(records: Sequence[Record], instructions: str) -> frozenset[str] | None:
-    """Names of the positions that instructions go to; None where there are none."""
+    """Names of the positions that instructions go to, of the job or of none; None where there are none."""
     places = {(letter, int(number)) for letter, number in re.findall(r"\b([CP])(\d+)\b", instructions)}
-    return frozenset(r.name for r in records if (r.name[0], int(r.name[1:])) in places) or None
+    held = {int(record.name[1:]) for record in records if record.name[0] == "C"}
+    motions = re.findall(r"\bS?MOV[JLCS]\s+C(\d+)", instructions)
+    absent = {f"C{number}" for number in motions if int(number) not in held}
+    return frozenset(r.name for r in records if (r.name[0], int(r.name[1:])) in places).union(absent) or None
 
 
 def _positions(source: Source, lines: Sequence[re.Match[str]], setup: Setup) -> Iterator[Record]:

@@ -27,10 +27,20 @@ def fix(
 ) -> int:
     """Corrected copies of robot programs: FANUC .LS, KUKA .dat and .src, ABB .mod, Yaskawa .JBI.
 
-    A program is corrected whole or not at all: if one of its points cannot be corrected, it stays as it is, the point
+    A program is corrected whole or not at all: if one of its points cannot be corrected, no copy is written, the point
     is named, and the exit code is 1. Every byte but the numbers stays. Beside the copies stands corrections.diff. Give
     files that belong together (.dat and .src, modules that share tools) in one call. Frames and tools decide
-    everything: state them with --setup. For example:
+    everything: state them with --setup, a backup of the controller or a YAML file like
+
+        frames: {1: {x_mm: 800, y_mm: 0, z_mm: 400, rz_deg: 90}}
+
+        tools: {3: {z_mm: 410, ry_deg: -18}}
+
+        joints: {coupled: true}
+
+        fixed_to: jig
+
+    whose last line says what stays: the place of the jig (and of frames measured on it), or robot, the base. Examples:
 
         touchcal fix calibration.json SEAM.LS --setup sysframe.va -o corrected
 
@@ -95,7 +105,8 @@ def _write(output: Path, found: "list[Fixed]") -> None:
     except OSError as error:
         raise InputError(f"{output}: cannot be made: {error.strerror}; choose another folder with -o") from None
     for each in found:
-        write_bytes(output / each.name, each.after)
+        if each.whole:
+            write_bytes(output / each.name, each.after)
     write_bytes(output / DIFF, b"".join(each.diff for each in found))
 
 
@@ -135,7 +146,8 @@ def _corrected(program: "Fixed") -> str:
     """How many positions of a program were corrected, and by how much."""
     total = len(program.shift) + len(program.left) + program.held
     if not program.whole:
-        return f"left as it is: {len(program.left)} of {total} positions cannot be corrected, and a path is one whole"
+        stuck = f"{len(program.left)} of {total} positions cannot be corrected"
+        return f"not corrected and not written: {stuck}, and a path is one whole"
     if not len(program.shift):
         return f"0 of {total} positions corrected"
     return (

@@ -354,3 +354,12 @@ def test_mutilated_programs_end_in_a_sentence_or_in_a_program_of_the_same_form(t
         return
 
     assert re.sub(r"[\d. *-]+", "#", result.after.decode()) == re.sub(r"[\d. *-]+", "#", text)
+
+
+def test_a_motion_to_a_position_that_is_not_there_leaves_the_path_as_it_is():
+    text = program([joint_text(Q)], motions="   1:L P[1] 100mm/sec FINE ;\n   2:L P[7] 100mm/sec FINE ;")
+
+    result = fixed(text)
+
+    assert [(mention.name, mention.why.split(":")[0]) for mention in result.left] == [("P[7]", "absent")]
+    assert (result.held, result.whole, result.after) == (1, False, result.before)

@@ -45,6 +45,17 @@ def test_fix_leaves_the_place_of_the_base_aside_where_points_stand_with_the_robo
     assert "the base was found" not in out
 
 
+def test_a_program_that_cannot_be_corrected_whole_gets_no_copy(project, touchcal):
+    (project / "GAP.JBI").write_text(JOB.replace("C00000 V", "C00007 V"))
+
+    code, out, _ = touchcal("fix", "calibration.json", "GAP.JBI", "SEAM.JBI", "-o", "out")
+
+    assert code == 1
+    assert "GAP.JBI: not corrected and not written" in out
+    assert "C00007: absent: a motion goes there, and the program holds no such position" in out
+    assert sorted(path.name for path in (project / "out").iterdir()) == ["SEAM.JBI", "corrections.diff"]
+
+
 def test_fix_writes_nothing_when_one_program_is_broken(project, touchcal):
     (project / "BROKEN.JBI").write_text(JOB.replace("C00000=5", "C00000=x5"))
 
