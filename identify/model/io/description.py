@@ -2,9 +2,12 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
 
 from identify.model.cell import Cell
 from identify.model.files import InputError, Mistake, digest, nearest
@@ -104,8 +107,30 @@ def _robot(document: Document, sources: dict[str, str]) -> Robot | None:
 
         robot = read_urdf(_beside(entry.urdf, document, sources, "robot", "urdf"), entry.base, entry.flange)
         sources |= {shape.file: digest(shape.path) for shape in robot.shapes if shape.path is not None}
-        return robot
+        return _narrowed(robot, entry, document)
     return None
+
+
+def _narrowed(robot: Robot, entry: UrdfEntry, document: Document) -> Robot:
+    """A robot whose joints keep the limits of the cell file as well as those of its URDF."""
+    joints = {joint.name: joint for joint in robot.joints}
+    for key, ranges, slides in (("limits_deg", entry.limits_deg, False), ("limits_mm", entry.limits_mm, True)):
+        for name, (lower, upper) in ranges.items():
+            joint = joints.get(name)
+            if joint is None:
+                text = f"the robot has no joint '{name}'{nearest(name, joints)}; it has {', '.join(joints)}"
+                raise InputError([document.wrong(text, "robot", key, name)])
+            if joint.prismatic != slides:
+                text = f"joint '{name}' {'slides: limits_mm' if joint.prismatic else 'turns: limits_deg'}"
+                raise InputError([document.wrong(text, "robot", key, name)])
+            unit = 1.0 if slides else np.pi / 180
+            low, high = max(lower * unit, joint.lower), min(upper * unit, joint.upper)
+            if low >= high:
+                text = f"joint '{name}' has nothing left between {lower:g} and {upper:g}; the URDF allows"
+                allowed = f"{joint.lower / unit:g} to {joint.upper / unit:g}"
+                raise InputError([document.wrong(f"{text} {allowed}", "robot", key, name)])
+            joints[name] = replace(joint, lower=low, upper=high)
+    return replace(robot, joints=tuple(joints.values()))
 
 
 def _jig(document: Document, sources: dict[str, str]) -> Jig | None:

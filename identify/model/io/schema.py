@@ -168,11 +168,13 @@ class ControllerEntry(Strict):
 
 
 class UrdfEntry(Strict):
-    """A robot described by a URDF: the chain between two of its links."""
+    """A robot described by a URDF: the chain between two of its links, and narrower limits of joints by their names."""
 
     urdf: str
     base: str
     flange: str
+    limits_deg: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
+    limits_mm: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
 
 
 def _by_type(text: str, mapping: str) -> Discriminator:

@@ -113,6 +113,13 @@ def test_a_cell_names_a_urdf_by_its_file_and_two_links(write, tmp_path):
 
     assert cell.robot.name == "arm"
     assert "arm.urdf" in cell.sources
+    hose = text.replace("flange: c}", "flange: c, limits_deg: {a: [-170, 400]}}")
+    joint = read_cell(write(hose)).robot.joints[0]
+    assert joint.lower == pytest.approx(np.radians(-170))
+    assert joint.upper == cell.robot.joints[0].upper  # never beyond those of the URDF
+    assert "cell.yaml:1: joint 'a' turns: limits_deg" in mistakes(write(hose.replace("limits_deg", "limits_mm")))[0]
+    assert "the robot has no joint 'b'; it has a" in mistakes(write(hose.replace("{a:", "{b:")))[0]
+    assert "joint 'a' has nothing left between 500 and 600" in mistakes(write(hose.replace("-170, 400", "500, 600")))[0]
     assert "arm.urdf:0: no link 'q' for the base" in mistakes(write(text.replace("base: p", "base: q")))[0]
     assert mistakes(write(text.replace("arm.urdf", "leg.urdf"))) == [
         "cell.yaml:1: urdf file 'leg.urdf' does not exist beside cell.yaml"
