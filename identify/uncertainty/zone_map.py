@@ -10,6 +10,7 @@ from identify.model.io.calibration_file import Calibration
 
 GRID = (14, 11, 3)
 STARTS = 4  # of the inverse kinematics at each point, on other branches
+MORE = 40  # starts at points that none of these reached: from the nearest posture, else anywhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +31,28 @@ def zone_map(c: Calibration) -> ZoneMap | None:
     point = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     down = np.tile(np.diag([1.0, -1.0, -1.0]), (len(point), 1, 1))
     robot, rng = c.cell.robot, np.random.default_rng(0)
-    best = np.full(len(point), np.nan)
-    for _ in range(STARTS):
-        start = rng.uniform(robot.lower, robot.upper, (len(point), len(robot.joints))) / 2
-        reached = reach(c.cell.kinematics, c.theta, point, down, start, free_roll=True)
-        variance = np.trace(c.tip_covariance(reached.q), axis1=1, axis2=2)
-        best = np.fmin(best, np.where(reached.reached(), np.sqrt(variance), np.nan))
+    best, posture = np.full(len(point), np.nan), np.full((len(point), len(robot.joints)), np.nan)
+    for k in range(STARTS + MORE):
+        todo = np.arange(len(point)) if k < STARTS else np.flatnonzero(np.isnan(best))
+        if not len(todo):
+            break
+        start = rng.uniform(robot.lower, robot.upper, (len(todo), len(robot.joints)))
+        if k < STARTS:
+            start = start / 2
+        elif k % 2 and not np.isnan(best).all():
+            start = _nearest(point[todo], point, posture)
+        found = reach(c.cell.kinematics, c.theta, point[todo], down[todo], start, free_roll=True)
+        good = found.reached()
+        variance = np.trace(c.tip_covariance(found.q), axis1=1, axis2=2)
+        best[todo] = np.fmin(best[todo], np.where(good, np.sqrt(variance), np.nan))
+        posture[todo[good]] = found.q[good]
     return ZoneMap(axes[0], axes[1], axes[2], best.reshape(GRID))
+
+
+def _nearest(
+    point: Float[np.ndarray, "some 3"], points: Float[np.ndarray, "all 3"], posture: Float[np.ndarray, "all joints"]
+) -> Float[np.ndarray, "some joints"]:
+    """The posture at the nearest of the points that are reached."""
+    reached = np.flatnonzero(~np.isnan(posture).any(axis=1))
+    away = np.linalg.norm(point[:, None] - points[reached], axis=2)
+    return posture[reached[away.argmin(axis=1)]]

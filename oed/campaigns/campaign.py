@@ -24,6 +24,7 @@ from oed.planning.plan import plan as make_plan
 from oed.planning.uncertain import UncertainEdges, begun, plan_under_uncertainty
 from probe.line.controller import TouchError
 from probe.motion.clearance import Clearance
+from probe.motion.torch import STICKOUT
 
 SPARE = 5  # touches beyond the number of parameters, before the touches alone are asked
 SCOUTS = 8  # touches of a stage that looks for the jig
@@ -34,6 +35,7 @@ BATCH = 40  # touches of a stage at the most
 LEAST = 8  # and at the least
 WORTH = 0.02  # of the promise that ten more touches must gain
 STAGES = 40
+PAST = STICKOUT - 3.0  # [mm] of search behind the contact: where the wire slides past an edge, the nozzle stays clear
 STANDOFF = 15.0  # [mm], of an approach beyond that, on the ways around a jig that is not quite where it seems
 ARRIVED = (HIT, "miss", "outlier")  # touches that the robot did approach
 
@@ -138,14 +140,15 @@ class _Loop:
     def _planned(self, n: int, deviation: float, rng: np.random.Generator) -> tuple[Plan, tuple[float, float]]:
         """A plan whose searches are as long as the deviation of the tip asks, or as the jig and the robot allow."""
         reach = min(SIGMAS * deviation, LONGEST)
-        reach += STANDOFF if self.promised is None else 0.0
+        standoff = STANDOFF if self.promised is None else 0.0
         own = self.cell.touch.approach, self.cell.touch.travel - self.cell.touch.approach
         said: InputError | None = None
         for after in (
             (self.after, None) if self.promised is None else (self.after,)
         ):  # as at first, where all else fails
             for share in SHARES:
-                approach, beyond = max(own[0], share * reach), max(own[1], share * reach)
+                approach = max(own[0], share * (reach + standoff))
+                beyond = max(min(own[1], PAST), share * reach)
                 try:
                     found = self._chosen(_searching(self.cell, (approach, approach + beyond)), n, rng, after)
                 except InputError as error:

@@ -38,6 +38,8 @@ from typing import TextIO
 from cyclopts import App, CycloptsError
 from cyclopts.exceptions import UnknownCommandError
 
+from oed.cli.screen.fold import folding
+
 COMMANDS = {
     "demo": "The whole loop on the embedded virtual robot: plan, touch, identify, verify.",
     "init": "Make a commented cell folder to start from.",
@@ -104,7 +106,12 @@ def _version() -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; exit 0 when it worked, 2 on bad input, 1 when the work failed, never with a traceback."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    with folding():
+        sys.exit(_run(sys.argv[1:] if arguments is None else arguments))
+
+
+def _run(arguments: Sequence[str]) -> int:
+    """Run a command; its exit code."""
     warnings.showwarning = _warn
     # its threads cost more than matrices of 25 rows gain: a plan takes 36 s of processor time with two, 11 s with one
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -129,7 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if os.environ.get("TOUCHCAL_DEBUG"):
             raise
         code = _answer(error)
-    sys.exit(code if isinstance(code, int) else 0)
+    return code if isinstance(code, int) else 0
 
 
 def _sentence(error: CycloptsError, arguments: Sequence[str]) -> str:

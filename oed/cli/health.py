@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from identify.model.files import InputError, digest, write_json, write_text
 from oed.cli.options import (
     CELL_PORT,
+    TOUCHES,
     CellFile,
     Flag,
     Json,
@@ -109,7 +110,9 @@ def _planned(identified: "Calibration", file: Path, n: int, output: Path, seed: 
     with progress(True, "choosing touches"):
         plan, order = plan_check(identified.cell, identified, looked_for(identified), n, np.random.default_rng(seed))
     write_text(output, plan_text(plan, identified.cell.robot))
-    summary_of_plan = {"touches": len(plan), "minutes": order.minutes, "seed": seed}
+    summary_of_plan = {"touches": len(plan), "minutes": order.minutes, "seed": seed} | {
+        "next": f"touchcal health {file} {TOUCHES}"
+    }
     write_json(output.with_suffix(".json"), summary_of_plan, {file.name: digest(file)})
     return plan
 

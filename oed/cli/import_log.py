@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from identify.model.files import InputError, write_text
-from oed.cli.options import CellFile, Json, Output, load_cell, print_json
+from oed.cli.options import CellFile, Json, Output, load_cell, next_command, print_json
 
 if TYPE_CHECKING:
     from identify.model.touch import Touches
@@ -70,7 +70,7 @@ def import_log(
     read = read_logs(paths, planned, described, maker)
     rows = imported(read, planned, described, maker, straight=chosen.straight, temperature=temperature, note=note)
     write_text(output, touches_text(rows.touches, described.robot))
-    return _tell(rows.touches, rows.missing, output, json)
+    return _tell(rows.touches, rows.missing, next_command(plan, output), json)
 
 
 def _received(listen: str, maker: str, logs: tuple[Path, ...], output: Path) -> Path:
@@ -88,7 +88,7 @@ def _received(listen: str, maker: str, logs: tuple[Path, ...], output: Path) -> 
     return path
 
 
-def _tell(touches: "Touches", missing: tuple[str, ...], output: Path, json: bool) -> int:
+def _tell(touches: "Touches", missing: tuple[str, ...], after: str, json: bool) -> int:
     count = Counter(touches.status)
     total = len(touches) + len(missing)
     if json:
@@ -101,5 +101,5 @@ def _tell(touches: "Touches", missing: tuple[str, ...], output: Path, json: bool
         print(
             f"{len(missing)} touches are in no log, from {missing[0]} on; run the files of the program that make them"
         )
-    print(f"{count['hit']} of {total} touches count; go on with touchcal identify {output}")
+    print(f"{count['hit']} of {total} touches count; go on with {after}")
     return 0 if count["hit"] else 1

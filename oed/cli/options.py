@@ -4,6 +4,7 @@ A module of a command imports what computes inside its functions: help is printe
 """
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from identify.model.touch import Touches
     from oed.campaigns.connection import Connection
 
+TOUCHES = "{touches}"  # in the file beside a plan: the table of its touches
+IDENTIFY = f"touchcal identify {TOUCHES}"
 NAME, TABLE = 32, 78  # characters of a name in a table of errors, and of the whole table
 NONE = f"{'none could be spared':>26}"
 CellFile = Annotated[Path, Parameter(name="--cell", help="The file that describes robot, jig, tool and zone.")]
@@ -77,6 +80,15 @@ def read_measured(paths: Sequence[Path], cell: "Cell", trust_units: bool) -> tup
     return _distinct(paths, tables), {path.name: digest(path) for path in paths}
 
 
+def next_command(plan: Path, touches: Path) -> str:
+    """What to do with the touches of a plan, as the .json file beside the plan says."""
+    try:
+        after = json.loads(plan.with_suffix(".json").read_text(encoding="utf-8"))["next"]
+    except (OSError, ValueError, TypeError, KeyError):
+        after = IDENTIFY
+    return str(after).replace(TOUCHES, str(touches))
+
+
 def inputs_beside(calibration: "Calibration", folder: Path) -> list[Path]:
     """Files of measurements of the fit that stand in a folder unchanged."""
     paths = [folder / name for name in calibration.inputs if name.endswith(".csv")]
@@ -126,7 +138,7 @@ def numbers(text: str, count: int, what: str) -> np.ndarray:
 
 def print_json(summary: Mapping[str, Any]) -> None:
     """One JSON document on stdout."""
-    print(json.dumps(summary, indent=1))
+    print(json.dumps(summary, indent=1), file=getattr(sys.stdout, "whole", sys.stdout))  # never folded
 
 
 def errors_table(rows: Mapping[str, "Errors | None"]) -> str:

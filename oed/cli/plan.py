@@ -3,13 +3,14 @@
 from dataclasses import dataclass, replace
 from os.path import relpath
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import digest, write_json, write_text
-from oed.cli.options import CellFile, Flag, Json, Output, Seed, load_cell, numbers, print_json
+from oed.cli.options import IDENTIFY, TOUCHES, CellFile, Flag, Json, Output, Seed, load_cell, numbers, print_json
 from oed.cli.plans.kinds import Asked, plan_of_kinds
 from oed.cli.screen.progress import progress
 
@@ -139,7 +140,7 @@ def _write(result: "PlanResult", cell: "Cell", cell_file: Path, output: Path, se
     from oed.planning.plan import summary
 
     write_text(output, plan_text(result.plan, cell.robot))
-    told = summary(result) | {"seed": seed}
+    told = summary(result) | {"seed": seed, "next": IDENTIFY}
     write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file)} | dict(cell.sources))
     write_text(output.with_suffix(".html"), plan_page(cell, result.plan, told))
     if json:
@@ -182,7 +183,9 @@ def _plan_workpiece(
     beside = output.with_name(f"{output.stem}-cell.yaml")
     write_text(output, plan_text(result.plan, cell.robot))
     write_text(beside, cell_text(cell_file, beside, workpiece, result.cell))
+    known = "calibration.json" if after is None else after
     told = workpiece_summary(result) | {"seed": seed}
+    told |= {"next": f"touchcal locate {known} {TOUCHES} --workpiece {workpiece}"}
     write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file), workpiece: digest(file)})
     if json:
         print_json(told)
@@ -208,10 +211,15 @@ def story(told: dict[str, Any], output: Path) -> str:
 
 
 def _curve(points: list[dict[str, float]]) -> list[str]:
-    """More or fewer touches like these, and what to expect of them."""
+    """More or fewer touches like these, and what to expect of them, as many beside each other as the screen is wide."""
+    wide = max(1, (get_terminal_size().columns - 10) // 7)
     return [
-        "touches   " + "".join(f"{point['touches']:7.0f}" for point in points),
-        "95 % [mm] " + "".join(f"{point['p95_mm']:7.3f}" for point in points),
+        line
+        for some in (points[k : k + wide] for k in range(0, len(points), wide))
+        for line in (
+            "touches   " + "".join(f"{point['touches']:7.0f}" for point in some),
+            "95 % [mm] " + "".join(f"{point['p95_mm']:7.3f}" for point in some),
+        )
     ]
 
 

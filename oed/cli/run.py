@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cyclopts import Parameter
 
 from identify.model.files import InputError, write_text
-from oed.cli.options import CellFile, Flag, Json, Output, Port, load_cell, print_json
+from oed.cli.options import CellFile, Flag, Json, Output, Port, load_cell, next_command, print_json
 from oed.cli.screen.live import Screen
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def run(
         _tell_visits(_rehearse(connection, described, robot, planned, output, settings, screen), json)
         return 0
     finished, delay = make_touches(connection, described, robot, planned, output, settings, screen, resume=resume)
-    _tell(finished, output, delay, settings, json)
+    _tell(finished, output, delay, settings, next_command(plan, _beside(output) if delay else output), json)
     return 0
 
 
@@ -225,7 +225,9 @@ def _tell_visits(finished: "Finished", json: bool) -> None:
         print(f"{finished.total} approaches visited in {minutes:.1f} minutes, nothing touched")
 
 
-def _tell(finished: "Finished", output: Path, delay: "Delay | None", settings: "Settings", json: bool) -> None:
+def _tell(
+    finished: "Finished", output: Path, delay: "Delay | None", settings: "Settings", after: str, json: bool
+) -> None:
     """What a run did."""
     minutes = finished.seconds / 60
     if json:
@@ -239,7 +241,4 @@ def _tell(finished: "Finished", output: Path, delay: "Delay | None", settings: "
             f"{delay.pairs} touches at two speeds), {delay.seconds * slow:.4f} mm at {slow:g} mm/s: taken out in "
             f"{_beside(output)}, where {delay.sigma * slow:.4f} mm of it may be left"
         )
-    print(
-        f"{finished.hits} of {finished.total} touches made in {minutes:.1f} minutes; go on with "
-        f"touchcal identify {_beside(output) if delay else output}"
-    )
+    print(f"{finished.hits} of {finished.total} touches made in {minutes:.1f} minutes; go on with {after}")

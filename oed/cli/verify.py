@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identify.model.files import InputError, digest, write_json, write_text
-from oed.cli.options import Json, TrustUnits, errors_table, inputs_beside, print_json, read_measured
+from oed.cli.options import TOUCHES, Json, TrustUnits, errors_table, inputs_beside, print_json, read_measured
 from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def plan_touches(
         "minutes": result.minutes,
         "notes": list(result.notes),
         "seed": seed,
+        "next": f"touchcal verify {'calibration.json' if after is None else after} {TOUCHES}",
     }
     write_text(output, plan_text(result.plan, cell.robot))
     write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file)} | dict(cell.sources))
@@ -92,7 +93,7 @@ def plan_touches(
 
 def unseen_story(told: dict[str, Any], output: Path, after: Path | None) -> str:
     """Touches to verify with, as a person reads of them."""
-    known, calibration = ("", "calibration.json") if after is None else (f" --after {after}", after)
+    known = "" if after is None else f" --after {after}"
     minutes = f"about {told['minutes']:.0f} minutes"
     lines = [f"{told['touches']} touches to verify with, spread over all that can be made, {minutes}"]
     if told["apart"] is None:
@@ -105,6 +106,6 @@ def unseen_story(told: dict[str, Any], output: Path, after: Path | None) -> str:
         [
             *lines,
             f"wrote {output}; make them with touchcal run {output}{known} -o unseen.csv,",
-            f"then touchcal verify {calibration} unseen.csv",
+            f"then {told['next'].replace(TOUCHES, 'unseen.csv')}",
         ]
     )
