@@ -10,7 +10,8 @@ from identify.model.io.calibration_file import Calibration
 
 GRID = (14, 11, 3)
 STARTS = 4  # of the inverse kinematics at each point, on other branches
-MORE = 40  # starts at points that none of these reached: from the nearest posture, else anywhere
+MORE = 120  # starts at points that none of these reached: near the posture of the nearest point, else anywhere
+AROUND = 0.1  # of the joint ranges, that a start is off the posture of the nearest point
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +42,11 @@ def zone_map(c: Calibration) -> ZoneMap | None:
             start = start / 2
         elif k % 2 and not np.isnan(best).all():
             start = _nearest(point[todo], point, posture)
+            start += AROUND * (robot.upper - robot.lower) * rng.standard_normal(start.shape)
         found = reach(c.cell.kinematics, c.theta, point[todo], down[todo], start, free_roll=True)
-        good = found.reached()
-        variance = np.trace(c.tip_covariance(found.q), axis1=1, axis2=2)
-        best[todo] = np.fmin(best[todo], np.where(good, np.sqrt(variance), np.nan))
-        posture[todo[good]] = found.q[good]
+        good, q = todo[found.reached()], found.q[found.reached()]
+        best[good] = np.fmin(best[good], np.sqrt(np.trace(c.tip_covariance(q), axis1=1, axis2=2)))
+        posture[good] = q
     return ZoneMap(axes[0], axes[1], axes[2], best.reshape(GRID))
 
 
