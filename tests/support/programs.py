@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from hypothesis import Phase
 from hypothesis import strategies as st
 from identified import identified
 from measured import table_2
@@ -19,6 +20,8 @@ TRUTH = table_2(CELL)
 EXACT, SAME = identified(CELL, TRUTH), identified(CELL, CELL.theta)  # a robot known exactly, one as it is believed
 LOW = np.array([-0.7, -0.2, -0.6, -1.0, 0.5, -2.0])
 HIGH = np.array([0.7, 0.5, 0.3, 1.0, 1.3, 2.0])
+Q = np.array([0.1, 0.2, -0.3, 0.4, 0.9, 0.3])
+AS_DRAWN = (Phase.explicit, Phase.reuse, Phase.generate)  # an example takes a tenth of a second: none is made smaller
 ROUND_MM, ROUND_DEG = 0.003, 0.003  # what three decimals leave, with some room for the lever of an angle
 
 joints = st.tuples(*(st.floats(lo, hi) for lo, hi in zip(LOW, HIGH, strict=True)), st.booleans()).map(
@@ -94,3 +97,6 @@ def off_joints(q: np.ndarray, wanted: np.ndarray) -> tuple[float, float]:
     true = forward(CELL.robot, q, TRUTH)
     turn = Rotation.from_matrix(true[:3, :3].T @ wanted[:3, :3]).magnitude()
     return float(np.linalg.norm(true[:3, 3] - wanted[:3, 3])), float(np.degrees(turn))
+
+
+FRAME = from_wpr(np.array([500.0, -100.0, 200.0, 30.0, -10.0, 5.0]))  # of a user, in the robot's base
