@@ -119,7 +119,16 @@ class _Tree:
         if by_name or beyond:
             flange = by_name[0] if by_name else beyond[0][-1]
             return flange, "its z axis points out of the wrist"
-        return last, "no frame behind the last joint has its z axis out of the wrist"
+        behind = sorted(
+            (round(self._distance(name), 6), name) for name in members if self._along(name) > self._along(last) + 1e-6
+        )
+        flange = last if named or not behind else behind[0][1]
+        return flange, "no frame behind the last joint has its z axis out of the wrist, this one is nearest behind it"
+
+    def _along(self, link: str) -> float:
+        """How far a link lies beyond the wrist along the axis of the last joint [mm]."""
+        axis, along = self._last_axis(link)
+        return along if self.outward(link) @ axis > 0 else -along
 
     def _depth(self, link: str) -> tuple[int, int]:
         """Joints that move a link, fingers (a slide at the end) not counted."""
@@ -130,7 +139,16 @@ class _Tree:
     def outward(self, link: str) -> Float[np.ndarray, " 3"]:
         """The direction of the last joint's axis out of the wrist, in the frame of a link."""
         axis, along = self._last_axis(link)
-        return axis if along > 1e-6 or (abs(along) <= 1e-6 and axis[2] >= 0) else -axis
+        if abs(along) <= 1e-6:
+            hangs = self._hangs(link, axis)
+            return axis if hangs > 0 or (hangs == 0 and axis[2] >= 0) else -axis
+        return axis if along > 0 else -axis
+
+    def _hangs(self, link: str, axis: Float[np.ndarray, " 3"]) -> float:
+        """Above 0 if an axis points down from a spindle that slides up and down, as of a SCARA; 0 if there is none."""
+        slides = [self.above[name][1].get("type") == "prismatic" for name in self.climb(link) if self.moving(name)]
+        down = -float((self._from(self.climb(link)[-1], link)[:3, :3] @ axis)[2])
+        return down if any(slides[:2]) and abs(down) > STRAIGHT else 0.0
 
     def _distance(self, link: str) -> float:
         """How far a link's origin lies behind that of the link that the last joint moves [mm]."""

@@ -56,7 +56,23 @@ def test_outward_is_away_from_the_wrist_whatever_the_sense_of_the_axis(tmp_path,
 
     assert found.base == "base_link"
     np.testing.assert_allclose(found.outward, [1, 0, 0], atol=1e-9)
-    assert found.why == "no frame behind the last joint has its z axis out of the wrist"
+    assert found.flange == "plate"  # not l3, which the last joint moves: the plate lies 100 mm behind it
+    assert found.why.startswith("no frame behind the last joint has its z axis out of the wrist")
+
+
+@pytest.mark.parametrize("turns", [1, -1])
+def test_the_spindle_of_a_scara_hangs_down_whatever_the_sense_of_its_axis(tmp_path, turns):
+    joints = [("s1", "revolute", "0 0 0.4", 1), ("s2", "revolute", "0.35 0 0", 1), ("z", "prismatic", "0.3 0 0", -1)]
+    text = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="l{k}"/><child link="l{k + 1}"/><origin xyz="{xyz}"/>'
+        f'<axis xyz="0 0 {sense}"/><limit lower="0" upper="0.3" velocity="1"/></joint>'
+        for k, (name, kind, xyz, sense) in enumerate([*joints, ("s4", "revolute", "0 0 0", turns)])
+    )
+
+    found = ends(written(tmp_path, f'<robot name="scara">{text}</robot>'))
+
+    assert found.flange == "l4"
+    np.testing.assert_allclose(found.outward, [0, 0, -1], atol=1e-9)
 
 
 def test_fingers_are_no_arm(tmp_path):
