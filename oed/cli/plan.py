@@ -1,7 +1,6 @@
 """`touchcal plan`."""
 
 from dataclasses import dataclass, replace
-from os.path import relpath
 from pathlib import Path
 from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,14 +9,14 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import digest, write_json, write_text
-from oed.cli.options import IDENTIFY, TOUCHES, CellFile, Flag, Json, Output, Seed, load_cell, numbers, print_json
+from oed.cli.options import IDENTIFY, CellFile, Flag, Json, Output, Seed, load_cell, print_json
 from oed.cli.plans.kinds import Asked, plan_of_kinds
+from oed.cli.plans.workpiece import plan_of_workpiece
 from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
     from identify.model.cell import Cell
     from oed.planning.plan import PlanResult
-    from oed.planning.workpiece import WorkpiecePlan
 
 
 @Parameter(name="*")
@@ -120,7 +119,7 @@ def _planned_otherwise(
     from identify.model.io.calibration_file import read_calibration
 
     if body.workpiece is not None:
-        _plan_workpiece(body.workpiece, body.at, cell, cell_file, choice.n, after, output, seed, json)
+        plan_of_workpiece(body.workpiece, body.at, cell, cell_file, choice.n, after, output, seed, json)
     elif choice.unseen:
         from oed.cli.verify import plan_touches
 
@@ -155,42 +154,6 @@ def _asked(choice: Choice) -> Asked:
     given = {"-n": choice.n, "--target": choice.target, "--seconds": choice.seconds}
     names = tuple(name for name, value in given.items() if value is not None)
     return Asked(choice.kinds or "touch", choice.budget, choice.criterion, names or (() if usual else ("--strategy",)))
-
-
-def _plan_workpiece(
-    workpiece: str,
-    at: str | None,
-    cell: "Cell",
-    cell_file: Path,
-    n: int | None,
-    after: Path | None,
-    output: Path,
-    seed: int,
-    json: bool,
-) -> None:
-    """Write plan.csv, plan.json, and plan-cell.yaml: the cell with the workpiece in the place of the jig."""
-    from identify.model.io.calibration_file import read_calibration
-    from identify.model.io.description import named_jig, read_jig
-    from identify.model.io.entries import POSE_UNIT
-    from identify.model.io.tables import plan_text
-    from oed.planning.workpiece import plan_workpiece
-
-    pose = None if at is None else numbers(at, 6, "--at") * POSE_UNIT
-    file = named_jig(workpiece)
-    calibration = None if after is None else read_calibration(after)
-    with progress(not json, "choosing touches"):
-        result = plan_workpiece(cell, read_jig(file), n, np.random.default_rng(seed), at=pose, after=calibration)
-    beside = output.with_name(f"{output.stem}-cell.yaml")
-    write_text(output, plan_text(result.plan, cell.robot))
-    write_text(beside, cell_text(cell_file, beside, workpiece, result.cell))
-    known = "calibration.json" if after is None else after
-    told = workpiece_summary(result) | {"seed": seed}
-    told |= {"next": f"touchcal locate {known} {TOUCHES} --workpiece {workpiece}"}
-    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file), workpiece: digest(file)})
-    if json:
-        print_json(told)
-    else:
-        print(workpiece_story(told, output, beside, after))
 
 
 def story(told: dict[str, Any], output: Path) -> str:
@@ -233,67 +196,3 @@ def _certificate(told: dict[str, Any]) -> list[str]:
     if told["manifold"] is not None:
         lines.append(f"at least {100 * told['manifold']:.1f} % of the best possible over {told['manifold_covers']}")
     return lines
-
-
-def cell_text(original: Path, beside: Path, workpiece: str, placed: "Cell") -> str:
-    """A cell file like the original, with the workpiece as its jig; paths lead from where it will lie."""
-    from io import StringIO
-
-    from ruamel.yaml import YAML
-
-    from identify.model.io.description import LIBRARY
-    from identify.model.io.entries import pose_entry
-
-    yaml = YAML()
-    document = yaml.load(original.read_text(encoding="utf-8-sig"))
-    robot = document["robot"]
-    if isinstance(robot, str):
-        document["robot"] = robot if robot.startswith(LIBRARY) else relpath(original.parent / robot, beside.parent)
-    else:
-        robot["urdf"] = relpath(original.parent / robot["urdf"], beside.parent)
-    document["jig"] = workpiece if workpiece.startswith(LIBRARY) else relpath(workpiece, beside.parent)
-    document["base"] = {key: round(value, 6) for key, value in dict(pose_entry(placed.base)).items()}  # type: ignore[arg-type]
-    document.pop("zone", None)
-    out = StringIO()
-    yaml.dump(document, out)
-    return out.getvalue()
-
-
-def workpiece_summary(result: "WorkpiecePlan") -> dict[str, Any]:
-    """What `--json` says."""
-    return {
-        "touches": len(result.plan),
-        "faces": result.faces,
-        "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
-        "curve": [{"touches": n, "faces": faces, "p95_mm": error} for n, faces, error in result.curve],
-        "minutes": result.minutes,
-        "notes": list(result.notes),
-    }
-
-
-def workpiece_story(told: dict[str, Any], output: Path, beside: Path, after: Path | None) -> str:
-    """The plan as a person reads it."""
-    from oed.planning.workpiece import FEWEST
-
-    promise, lines = told["promise"], []
-    lines.append(f"{told['touches']} touches: {_on(told['faces'])}; about {told['minutes']:.0f} minutes")
-    error = f"RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm"
-    lines.append(f"promised error of the corners in the base frame: {error}")
-    lines += [
-        f"{'minimal: ' if point['touches'] == FEWEST else '':>10}{point['touches']:3} touches  95 % "
-        f"{point['p95_mm']:.3f} mm  {_on(point['faces'])}"
-        for point in told["curve"]
-    ]
-    if after is None:
-        lines.append(
-            "note: this is for a robot as drawn, with its tolerances; --after calibration.json knows it better"
-        )
-    lines += [f"note: {sentence}" for sentence in told["notes"]]
-    known = "" if after is None else f" --after {after}"
-    return "\n".join(
-        [*lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}{known}"]
-    )
-
-
-def _on(faces: dict[str, int]) -> str:
-    return ", ".join(f"{count} on {name}" for name, count in faces.items())

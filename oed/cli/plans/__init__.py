@@ -2,5 +2,6 @@
 
 In the order in which data walks through:
 
-    kinds  measurements of several kinds for a budget of minutes
+    kinds      measurements of several kinds for a budget of minutes
+    workpiece  touches that locate a workpiece
 """
