@@ -33,11 +33,16 @@ Hold = Literal["jig", "robot"]
 class Compensation:
     """Targets corrected, and those left as they were."""
 
-    nominal: Float[np.ndarray, "targets joints"]  # where the controller would go uncorrected; NaN where it cannot
-    q: Float[np.ndarray, "targets joints"]  # where it is to go [rad] or [mm]; `nominal` where left alone
-    command: Float[np.ndarray, "targets 6"]  # what to tell it, in the frame of the targets; the target where left alone
-    residual: Float[np.ndarray, " targets"]  # [mm] of inverse kinematics, orientation errors counted with LEVER
-    why: tuple[str, ...]  # why a target was left alone; empty where it was corrected
+    nominal: Float[np.ndarray, "targets joints"]
+    """Where the controller would go uncorrected; NaN where it cannot."""
+    q: Float[np.ndarray, "targets joints"]
+    """Where it is to go [rad] or [mm]; `nominal` where left alone."""
+    command: Float[np.ndarray, "targets 6"]
+    """What to tell it, in the frame of the targets; the target where left alone."""
+    residual: Float[np.ndarray, " targets"]
+    """[mm] of inverse kinematics, orientation errors counted with LEVER."""
+    why: tuple[str, ...]
+    """Why a target was left alone; empty where it was corrected."""
 
     @property
     def corrected(self) -> Bool[np.ndarray, " targets"]:

@@ -22,9 +22,11 @@ class Verification:
 
     nominal: Errors
     identified: Errors
-    promised_p95_mm: float  # 95 of 100 robots stay below it at 95 % of these poses, sensor and jig included
+    promised_p95_mm: float
+    """95 of 100 robots stay below it at 95 % of these poses, sensor and jig included."""
 
-    beyond: tuple[str, ...] = ()  # where poses lie beyond the data of the fit, most of them first
+    beyond: tuple[str, ...] = ()
+    """Where poses lie beyond the data of the fit, most of them first."""
 
     @property
     def kept(self) -> bool:

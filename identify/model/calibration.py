@@ -45,9 +45,12 @@ class Term:
     """An error model on the way from the geometric robot to the richest, and what it buys at unseen touches."""
 
     name: str
-    held_out_mm: float  # mean error in regions held out, with this model and those before it
-    gain_mm: float  # by which that is less than without it
-    standard_error_mm: float  # of the gain
+    held_out_mm: float
+    """Mean error in regions held out, with this model and those before it."""
+    gain_mm: float
+    """By which that is less than without it."""
+    standard_error_mm: float
+    """Of the gain."""
     kept: bool
 
 
@@ -66,17 +69,22 @@ class SharedValue:
 
     name: str
     unit: Literal["mm", "deg"]
-    value: float  # [mm] or [rad]
-    scale: float  # [mm] or [rad], 1 sigma of the prior
+    value: float
+    """[mm] or [rad]."""
+    scale: float
+    """[mm] or [rad], 1 sigma of the prior."""
 
 
 @dataclass(frozen=True)
 class Discrepancy:
     """How far this arm is from what was stated: factors on the noise and on the priors."""
 
-    noise: float  # of the rows, in units of the stated sigma
-    geometry: float = 1.0  # on the priors of base, tool and links
-    errors: float = 1.0  # on the priors of the joint errors
+    noise: float
+    """Of the rows, in units of the stated sigma."""
+    geometry: float = 1.0
+    """On the priors of base, tool and links."""
+    errors: float = 1.0
+    """On the priors of the joint errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,31 +92,45 @@ class Calibration:
     """A robot identified: its parameters, their covariance, and how far to trust them."""
 
     cell: Cell
-    theta: Float[np.ndarray, " parameters"]  # [mm, rad]
-    start: Float[np.ndarray, " parameters"]  # [mm, rad], nominal, or fitted in closed form where the cell says so
+    theta: Float[np.ndarray, " parameters"]
+    """[mm, rad]."""
+    start: Float[np.ndarray, " parameters"]
+    """[mm, rad], nominal, or fitted in closed form where the cell says so."""
     estimated: tuple[str, ...]
-    combinations: Mapping[str, Mapping[str, float]]  # eliminated name -> {estimated name: coefficient}, file units
-    covariance: Float[np.ndarray, "estimated estimated"]  # [mm, rad]
-    scatter: float  # residuals in units of the stated sigma; where above 1, the covariance is widened by it
-    scatter_significant: bool  # whether chance does not explain its distance from 1 (chi-square, 1 %)
+    combinations: Mapping[str, Mapping[str, float]]
+    """Eliminated name -> {estimated name: coefficient}, file units."""
+    covariance: Float[np.ndarray, "estimated estimated"]
+    """[mm, rad]."""
+    scatter: float
+    """Residuals in units of the stated sigma; where above 1, the covariance is widened by it."""
+    scatter_significant: bool
+    """Whether chance does not explain its distance from 1 (chi-square, 1 %)."""
     weak: tuple[str, ...]
-    outliers: Mapping[str, float]  # id -> residual [mm]
+    outliers: Mapping[str, float]
+    """Id -> residual [mm]."""
     fit: Errors
-    held_out: Errors | None  # None where no region could be spared
+    held_out: Errors | None
+    """None where no region could be spared."""
     residuals: Mapping[str, Residual]
-    fingerprints: frozenset[str]  # of the measurements used, so that they are not used again to verify
+    fingerprints: frozenset[str]
+    """Of the measurements used, so that they are not used again to verify."""
     iterations: int
     solve_s: float
-    choice: tuple[Term, ...] = ()  # of the error models, where the data chose them
+    choice: tuple[Term, ...] = ()
+    """Of the error models, where the data chose them."""
     findings: tuple[Finding, ...] = ()
-    inputs: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of the files it was made from
-    shared: tuple[SharedValue, ...] = ()  # beside the parameters
-    shared_covariance: Float[np.ndarray, "shared unknowns"] = field(  # rows of the joint covariance [mm, rad]
-        default_factory=lambda: np.empty((0, 0))
-    )
-    discrepancy: Discrepancy | None = None  # None: of a file of the first version
-    promise: Mapping[str, float] | None = None  # rms_mm and p95_mm in the weld zone; None if there is no zone
-    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # where data was: joints and tip, file units
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the files it was made from."""
+    shared: tuple[SharedValue, ...] = ()
+    """Beside the parameters."""
+    shared_covariance: Float[np.ndarray, "shared unknowns"] = field(default_factory=lambda: np.empty((0, 0)))
+    """Rows of the joint covariance [mm, rad]."""
+    discrepancy: Discrepancy | None = None
+    """None: of a file of the first version."""
+    promise: Mapping[str, float] | None = None
+    """Rms_mm and p95_mm in the weld zone; None if there is no zone."""
+    spans: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Where data was: joints and tip, file units."""
 
     def __repr__(self) -> str:
         promise = "none" if self.promise is None else f"{self.promise['p95_mm']:.3f} mm at 95 % of the weld zone"

@@ -35,18 +35,27 @@ class Touches(Table):
     """Touches that happened: the joint values that the encoders read when the wire met a plane."""
 
     ids: tuple[str, ...]
-    face: tuple[str, ...]  # empty where the plane was given as numbers
-    q: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
-    normal: Float[np.ndarray, "touches 3"]  # outward, in the jig frame
-    offset: Float[np.ndarray, " touches"]  # [mm]
-    sigma: Float[np.ndarray, " touches"]  # [mm], of the contact along the normal, not of the place of the face
+    face: tuple[str, ...]
+    """Empty where the plane was given as numbers."""
+    q: Float[np.ndarray, "touches joints"]
+    """[rad] or [mm]."""
+    normal: Float[np.ndarray, "touches 3"]
+    """Outward, in the jig frame."""
+    offset: Float[np.ndarray, " touches"]
+    """[mm]."""
+    sigma: Float[np.ndarray, " touches"]
+    """[mm], of the contact along the normal, not of the place of the face."""
     status: tuple[str, ...]
-    temperature: Float[np.ndarray, " touches"]  # [degC], NaN where not read
+    temperature: Float[np.ndarray, " touches"]
+    """[degC], NaN where not read."""
     time: tuple[str, ...]
     note: tuple[str, ...]
-    approach: Float[np.ndarray, "touches joints"] | None = None  # [rad] or [mm] where the search began; NaN: not known
-    placement: tuple[str, ...] | None = None  # names of further stands of the jig; None or empty: its first
-    tool: tuple[str, ...] | None = None  # names of further wires; None or empty: the tool of the cell
+    approach: Float[np.ndarray, "touches joints"] | None = None
+    """[rad] or [mm] where the search began; NaN: not known."""
+    placement: tuple[str, ...] | None = None
+    """Names of further stands of the jig; None or empty: its first."""
+    tool: tuple[str, ...] | None = None
+    """Names of further wires; None or empty: the tool of the cell."""
 
 
 def joined(a: Touches, b: Touches) -> Touches:
@@ -64,11 +73,16 @@ class Positions(Table):
     """Tip positions measured in the jig frame, or in that of a further placement, by a tracker for instance."""
 
     ids: tuple[str, ...]
-    q: Float[np.ndarray, "positions joints"]  # [rad] or [mm]
-    point: Float[np.ndarray, "positions 3"]  # [mm]
-    sigma: Float[np.ndarray, " positions"]  # [mm]
-    placement: tuple[str, ...] | None = None  # names of further stands; None or empty: the jig's own
-    tool: tuple[str, ...] | None = None  # names of further targets; None or empty: the tool of the cell
+    q: Float[np.ndarray, "positions joints"]
+    """[rad] or [mm]."""
+    point: Float[np.ndarray, "positions 3"]
+    """[mm]."""
+    sigma: Float[np.ndarray, " positions"]
+    """[mm]."""
+    placement: tuple[str, ...] | None = None
+    """Names of further stands; None or empty: the jig's own."""
+    tool: tuple[str, ...] | None = None
+    """Names of further targets; None or empty: the tool of the cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +90,16 @@ class Poses(Table):
     """Tip poses measured in the jig frame, or in that of a further placement."""
 
     ids: tuple[str, ...]
-    q: Float[np.ndarray, "poses joints"]  # [rad] or [mm]
-    point: Float[np.ndarray, "poses 3"]  # [mm]
-    angles: Float[np.ndarray, "poses 3"]  # [rad], rz, ry, rx with R = Rz Ry Rx
-    sigma: Float[np.ndarray, " poses"]  # [mm]
-    turn_sigma: Float[np.ndarray, " poses"]  # [rad] about each axis
+    q: Float[np.ndarray, "poses joints"]
+    """[rad] or [mm]."""
+    point: Float[np.ndarray, "poses 3"]
+    """[mm]."""
+    angles: Float[np.ndarray, "poses 3"]
+    """[rad], rz, ry, rx with R = Rz Ry Rx."""
+    sigma: Float[np.ndarray, " poses"]
+    """[mm]."""
+    turn_sigma: Float[np.ndarray, " poses"]
+    """[rad] about each axis."""
     placement: tuple[str, ...] | None = None
     tool: tuple[str, ...] | None = None
 
@@ -90,10 +109,14 @@ class Distances(Table):
     """Distances of the tip from named points, by a ball bar or a draw wire for instance."""
 
     ids: tuple[str, ...]
-    q: Float[np.ndarray, "distances joints"]  # [rad] or [mm]
-    anchor: tuple[str, ...]  # names of points of the cell
-    distance: Float[np.ndarray, " distances"]  # [mm]
-    sigma: Float[np.ndarray, " distances"]  # [mm]
+    q: Float[np.ndarray, "distances joints"]
+    """[rad] or [mm]."""
+    anchor: tuple[str, ...]
+    """Names of points of the cell."""
+    distance: Float[np.ndarray, " distances"]
+    """[mm]."""
+    sigma: Float[np.ndarray, " distances"]
+    """[mm]."""
     placement: tuple[str, ...] | None = None
     tool: tuple[str, ...] | None = None
 
@@ -103,9 +126,12 @@ class Contacts(Table):
     """The tip in named points: a ball in a socket, a tip at a tip."""
 
     ids: tuple[str, ...]
-    q: Float[np.ndarray, "contacts joints"]  # [rad] or [mm]
-    point: tuple[str, ...]  # names of points of the cell
-    sigma: Float[np.ndarray, " contacts"]  # [mm]
+    q: Float[np.ndarray, "contacts joints"]
+    """[rad] or [mm]."""
+    point: tuple[str, ...]
+    """Names of points of the cell."""
+    sigma: Float[np.ndarray, " contacts"]
+    """[mm]."""
     placement: tuple[str, ...] | None = None
     tool: tuple[str, ...] | None = None
 
@@ -116,10 +142,13 @@ class Plan(Table):
 
     ids: tuple[str, ...]
     face: tuple[str, ...]
-    point: Float[np.ndarray, "touches 3"]  # [mm], in the jig frame
+    point: Float[np.ndarray, "touches 3"]
+    """[mm], in the jig frame."""
     normal: Float[np.ndarray, "touches 3"]
-    q: Float[np.ndarray, "touches joints"]  # [rad] or [mm], at contact by the model the plan was made with
-    approach: Float[np.ndarray, "touches joints"]  # [rad] or [mm]
+    q: Float[np.ndarray, "touches joints"]
+    """[rad] or [mm], at contact by the model the plan was made with."""
+    approach: Float[np.ndarray, "touches joints"]
+    """[rad] or [mm]."""
     via: Float[np.ndarray, "touches vias joints"] = field(default_factory=lambda: np.empty((0, 0, 0)))
     """Postures on the way there from the touch before; rows of NaN fill up where fewer are needed than elsewhere."""
 

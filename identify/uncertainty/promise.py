@@ -17,8 +17,10 @@ SEED = 20
 class Promise:
     """The tip error to expect in the weld zone."""
 
-    rms_mm: float  # over robots and poses
-    p95_mm: float  # 95 of 100 robots stay below it at 95 % of the poses
+    rms_mm: float
+    """Over robots and poses."""
+    p95_mm: float
+    """95 of 100 robots stay below it at 95 % of the poses."""
 
     def __str__(self) -> str:
         return f"{self.p95_mm:.3f} mm at 95 % of the poses for 95 of 100 robots, RMS {self.rms_mm:.3f} mm"
