@@ -22,7 +22,7 @@ In the order in which data walks through:
     measurement      kinds of measurements: touch, position, pose, distance, contact, and their rows
     calibration      a robot identified: parameters, covariance, noise, findings
     identifiability  which parameters touches can tell apart: structural elimination, rank, weak directions
-    base_placement   where a robot stands well before a jig, and the cell to start from
+    base_placement   where a robot stands well before a jig, how it is parked there, and the cell to start from
     ik_step          one damped step of inverse kinematics as a compiled function
     ik               inverse kinematics of any robot, calibrated or not, for all targets at once
 """

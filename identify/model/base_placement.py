@@ -1,4 +1,4 @@
-"""Where a robot stands well before a jig: of places and heights around it, the one from which it reaches most."""
+"""Where a robot stands well before a jig: of places and heights around it, the one from which it reaches most; parked."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,6 +29,8 @@ STRAIGHT = 1e-6  # sine of an angle that is none
 ALIKE = 0.02  # share of targets by which places are as good as each other
 
 
+PARKED = 150.0  # [mm] over the highest face of the jig
+PARKED_STARTS = 64  # of its inverse kinematics
 TRIES = 8  # places whose touches are searched with collisions
 HARDLY = 0.3  # share of targets below which a place is no place
 SOME = 2  # touches on every face, of those searched for: enough
@@ -196,3 +198,25 @@ def _share(
         )
         reached |= found.reached()
     return float(reached.mean())
+
+
+def parked(cell: Cell) -> Float[np.ndarray, " joints"]:
+    """Jogged above the jig, the torch straight down, as an operator leaves a robot; zeros where it cannot reach there.
+
+    Of all postures the one nearest to the middle of the joint limits.
+    """
+    robot = cell.robot
+    zeros = np.clip(np.zeros(len(robot.joints)), robot.lower, robot.upper)
+    if cell.jig is None:
+        return zeros
+    corners = np.concatenate([[f.origin, f.origin + f.u, f.origin + f.v, f.origin + f.u + f.v] for f in cell.jig.faces])
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    over = np.array([*(lower + upper)[:2] / 2, upper[2] + PARKED])
+    start = np.random.default_rng(3).uniform(robot.lower, robot.upper, (PARKED_STARTS, len(robot.joints)))
+    down = np.tile(np.diag([1.0, -1.0, -1.0]), (PARKED_STARTS, 1, 1))
+    found = reach(cell.kinematics, cell.theta, np.tile(over, (PARKED_STARTS, 1)), down, start, free_roll=True)
+    if not found.reached().any():
+        return zeros
+    q = found.q[found.reached()]
+    middle, half = (robot.upper + robot.lower) / 2, (robot.upper - robot.lower) / 2
+    return np.asarray(q[np.argmin((((q - middle) / half) ** 2).sum(axis=1))])

@@ -20,9 +20,8 @@ from oed.candidates.feasibility import Feasibility
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
 from oed.planning.searches import Searches, searches
-from probe.motion.clearance import CLEAR
 from probe.motion.edges import Edges
-from probe.motion.roadmap import Roadmap, lifts
+from probe.motion.roadmap import Roadmap, home, lifts
 from probe.motion.room import SIGMAS
 from probe.motion.tour import Order
 
@@ -124,7 +123,10 @@ class CandidateSet:
         return self._roadmap(touches if above is None else above).order(plan_of(touches), rng, kicks, start=start)
 
     def groups(self, touches: Candidates) -> Int[np.ndarray, " touches"]:
-        """The group of each touch: there seem to be clear ways, over others, between all touches of a group."""
+        """The group of each touch: there seem to be clear ways, over others, between all touches of a group.
+
+        Group 0 is that of the posture in which the robot stands before the first touch.
+        """
         return self._roadmap(touches).groups(touches.approach)
 
     def _roadmap(self, above: Candidates) -> Roadmap:
@@ -148,10 +150,8 @@ class CandidateSet:
 
     @cached_property
     def _home(self) -> Float[np.ndarray, "homes joints"]:
-        """All joints at zero, as far as the limits let them, if nothing is in the way there."""
-        robot = self.cell.robot
-        home = np.clip(np.zeros((1, len(robot.joints))), robot.lower, robot.upper)
-        return home[self.feasibility.clearance.hits(home) == CLEAR]
+        """Where the robot stands before the first touch, if that is clear."""
+        return home(self.feasibility.clearance)
 
     def promise(self, touches: Candidates, times: float = 1.0, further: np.ndarray | None = None) -> Promise:
         """The tip error to expect in the zone after touches that are each made so many `times`.

@@ -23,10 +23,10 @@ from oed.candidates.kinds import measurements, planned_cell
 from oed.criteria.criteria import criterion_named
 from oed.design.budget import BudgetDesign, budget_design
 from oed.planning.candidate_set import CandidateSet, around, plan_of
-from probe.motion.clearance import CLEAR, Clearance
+from probe.motion.clearance import Clearance
 from probe.motion.edges import Edges, like
 from probe.motion.edges import astray as blocked_ends
-from probe.motion.roadmap import Roadmap, lifts
+from probe.motion.roadmap import Roadmap, home, lifts
 from probe.motion.tour import Order
 
 COUNT = 2000  # candidates of each kind; a third of it of those with three rows, a sixth with six
@@ -137,11 +137,9 @@ class KindsProblem:
             return Order(index, np.empty((0, 0, offer.postures.q.shape[1])), 0.0, ()), np.ones((0, 0), dtype=bool)
         if offer.touches is not None:
             return offer.touches.visit(offer.touches.candidates.take(index), rng)
-        plan, robot = offer.postures.take(index), self.cell.robot
+        plan = offer.postures.take(index)
         above = lifts(self._edges, plan.q, plan.normal)
-        home = np.clip(np.zeros((1, len(robot.joints))), robot.lower, robot.upper)
-        home = home[self.clearance.hits(home) == CLEAR]
-        return Roadmap(self._edges, above[~np.isnan(above).any(axis=1)], home).order(plan, rng)
+        return Roadmap(self._edges, above[~np.isnan(above).any(axis=1)], home(self.clearance)).order(plan, rng)
 
     @cached_property
     def _edges(self) -> Edges:

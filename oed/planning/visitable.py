@@ -30,6 +30,7 @@ ROBOTS = 48  # of them
 TRIES = 4  # of choosing again where the chosen cannot be visited
 MENDS = 6  # of replacing what cannot be visited
 LOOKS = 30  # at touches that tell nearly the same
+IN_REACH = 0.2  # share of the touches that the robot reaches from where it stands, below which it has to be jogged
 NEIGHBOURS = 4  # clear ways to others that make a touch likely to find its place in an order
 
 Pick = Callable[[Bool[np.ndarray, " touches"], Int[np.ndarray, " n"] | None], Int[np.ndarray, " n"]]
@@ -54,14 +55,16 @@ def visited(
     """
     cell, at = offered.cell, offered.candidates.approach
     allowed = np.ones(len(at), dtype=bool) if allowed is None else allowed
-    chosen, best = pick(allowed, None), None
+    chosen, best, least = pick(allowed, None), None, 0
     for attempt in range(TRIES + MENDS):
         found, clear = offered.visit(offered.candidates.take(chosen), rng, kicks=0)
-        if best is None or len(found.blocked) < len(best.order.blocked):
-            best = Visit(replace(found, index=chosen[found.index]), allowed)
-        if not found.blocked:
+        away = _away(offered.groups(offered.candidates.take(chosen)), np.ones(len(chosen)))
+        if best is None or len(found.blocked) + away.sum() < least:
+            best, least = Visit(replace(found, index=chosen[found.index]), allowed), len(found.blocked) + away.sum()
+        if not least:
             break
-        bad = astray(clear, np.array([found.index[[i, i + 1]] for i in found.blocked]))
+        bad = astray(clear, np.array([found.index[[i, i + 1]] for i in found.blocked], dtype=int))
+        bad = np.union1d(bad, np.flatnonzero(away))
         good = np.setdiff1d(np.arange(len(chosen)), bad)
         fewer = allowed & ~like(cell, at, at[chosen[bad]], at[chosen[good]])
         if fewer.sum() < len(chosen):
@@ -84,12 +87,19 @@ def linked(best: "Best") -> tuple[Bool[np.ndarray, " touches"], Candidates]:
         some = np.argsort(-weights, kind="stable")[:USED]
         used = np.flatnonzero(allowed)[some]
         group = offered.groups(offered.candidates.take(used))
-        main = group == np.argmax(np.bincount(group, weights[some]))
+        main = ~_away(group, weights[some])
         fewer = allowed & ~like(cell, at, at[used[~main]], at[used[main]])
         if main.all() or fewer.sum() < n:
             break
         allowed = fewer
     return allowed, offered.candidates.take(used[main])
+
+
+def _away(group: Int[np.ndarray, " some"], weight: Float[np.ndarray, " some"]) -> Bool[np.ndarray, " some"]:
+    """Touches out of reach from where the robot stands; from most of the weight, where hardly any is in reach."""
+    carried = np.bincount(group, weight)
+    main = 0 if carried[0] > IN_REACH * carried.sum() else np.argmax(carried)
+    return np.asarray(group != main)
 
 
 def joined(offered: CandidateSet, core: Candidates, touches: Candidates) -> Bool[np.ndarray, " touches"]:

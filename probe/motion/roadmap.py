@@ -11,10 +11,11 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.model.base_placement import parked
 from identify.model.cell import Cell
 from identify.model.ik import reach
 from identify.model.touch import Plan
-from probe.motion.clearance import CLEAR, MARGIN
+from probe.motion.clearance import CLEAR, MARGIN, Clearance
 from probe.motion.edges import COARSE, Edges, components
 from probe.motion.obstacles import obstacles
 from probe.motion.tour import RAMP, Order, minutes, order, travel
@@ -123,9 +124,17 @@ class Roadmap:
                 return Order(tour, via, minutes(self.cell, placed), tuple(blocked.tolist())), np.isfinite(D[:n, :n])
 
     def groups(self, approach: Float[np.ndarray, "touches joints"]) -> Int[np.ndarray, " touches"]:
-        """The group of each touch, of those that ways connect which seem clear at a coarse look."""
+        """The group of each touch, of those that ways connect which seem clear at a coarse look; 0 is that of home."""
         home = approach[:0] if self.home is None else self.home
-        return components(self.edges.among(np.concatenate([approach, self.stops, home])))[: len(approach)]
+        group = 1 + components(self.edges.among(np.concatenate([approach, self.stops, home])))
+        return np.asarray(np.where(len(home) and group == group[-1], 0, group)[: len(approach)])
+
+
+def home(clearance: Clearance) -> Float[np.ndarray, "homes joints"]:
+    """The parked posture of a cell, or all joints at zero, the first of them that is clear; none if neither is."""
+    robot = clearance.cell.robot
+    q = np.stack([parked(clearance.cell), np.clip(np.zeros(len(robot.joints)), robot.lower, robot.upper)])
+    return q[clearance.hits(q) == CLEAR][:1]
 
 
 def with_via(plan: Plan, via: Float[np.ndarray, "touches vias joints"]) -> Plan:

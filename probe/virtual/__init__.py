@@ -12,7 +12,6 @@ In the order in which data walks through:
     arm         the arm behind the encoders: play in its gears, noise in its joints
     batch       all touches of a plan at once, without time and without a port
     motion      how far along its path a robot is at a time
-    parked      where a virtual robot stands before anybody has moved it
     records     how motions ended, and what was really touched
     robot       the virtual robot: it moves in time and meets the jig
     faults      spoiled lines, and mishaps of the controller and its wire

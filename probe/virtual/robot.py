@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.base_placement import parked
 from identify.model.cell import Cell
 from probe.virtual.arm import Arm, Trip
 from probe.virtual.collision import Collision
 from probe.virtual.motion import Profile, straight
-from probe.virtual.parked import parked
 from probe.virtual.records import CONTACT, MOVE, NEVER, NOCONTACT, OK, SEARCH, Executed, Health, Outcome, Truly
 from probe.virtual.truth import Truth
 

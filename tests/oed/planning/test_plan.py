@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import identify
+from identify.model.base_placement import parked
 from identify.model.cell import Priors
 from identify.model.files import InputError
 from identify.model.io.tables import plan_text
@@ -17,6 +18,7 @@ from oed.planning.candidate_set import candidate_set
 from oed.planning.plan import plan, summary
 from oed.planning.strategies import STRATEGIES
 from oed.planning.visitable import Best, linked, measured
+from probe.motion.room import Room
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import draw_truth
 
@@ -190,6 +192,16 @@ def test_progress_goes_from_nothing_to_all(arc_welder):
     shares = [share for _, share in heard]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
+def test_the_robot_gets_from_where_it_is_parked_to_each_touch_in_turn(near):
+    cell, result = near
+    made = result.plan
+    room = Room(cell, [*made.approach])
+    at = parked(cell)
+    for approach, via in zip(made.approach, made.via, strict=True):
+        assert room.route(at, approach, [q for q in via if not np.isnan(q).any()])
+        at = approach
 
 
 def test_postures_with_the_elbow_bent_past_the_shoulder_are_left_out(offered):

@@ -7,13 +7,13 @@ import pytest
 from virtual_support import make_plan
 
 from identify.estimation.selection import with_errors
+from identify.model.base_placement import parked
 from identify.model.cell import Cell
 from identify.model.ik import reach
 from identify.model.touch import Plan
 from probe.virtual.batch import search_end, touch_batch
 from probe.virtual.contact import Paths, first_contact, touching
 from probe.virtual.motion import straight
-from probe.virtual.parked import parked
 from probe.virtual.robot import VirtualRobot
 from probe.virtual.surfaces import surfaces
 from probe.virtual.truth import Truth, with_effects
