@@ -1,4 +1,4 @@
-"""Where a robot stands well before a jig: of places and heights around it, the one from which it reaches most; parked."""
+"""Where a robot stands well before a jig: of places and heights, the one from which it reaches most; how it parks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
