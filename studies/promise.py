@@ -76,8 +76,7 @@ def _judged(
         found = calibrate(cell, made, folds=0, errors="auto" if errors == "auto" else "cell")
     except (InputError, RuntimeError):
         return dict.fromkeys(("promised_mm", "delivered_mm", "rms_mm", "covered"), float("nan"))
-    theta = np.concatenate([found.theta[: 6 + 5 * len(cell.robot.joints)], found.theta[-6:]])
-    error = np.linalg.norm(tips(cell.robot, q, theta)[0] - tips(cell.robot, q, true)[0], axis=1)
+    error = np.linalg.norm(found.cell.kinematics.tip(q, found.theta)[0] - tips(cell.robot, q, true)[0], axis=1)
     known = posterior(found)
     sigma = dict(zip(known.unknowns.names, np.sqrt(np.diag(known.covariance())), strict=True))
     truth = dict(zip(cell.robot.parameters, true, strict=True)) | {f"face.{name}": b for name, b in off.items()}

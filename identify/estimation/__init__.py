@@ -10,6 +10,7 @@ In the order in which data walks through:
     least_squares     weighted, robust nonlinear least squares with priors
     robust            measurements that agree, and the noise
     starts            starts that survive gross errors and wrong face names
+    edges             touches so near an edge that they may have met the next face
     faces             faces off their places, and a jig worse than its tolerance
     folds             regions of space to hold out
     selection         which joint errors the touches show

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.estimation.diagnosis import diagnose
+from identify.estimation.edges import without_doubtful
 from identify.estimation.faces import face_findings, with_jig_as_it_is
 from identify.estimation.folds import regions
 from identify.estimation.gauge import gauge_words, require_scale
@@ -15,7 +16,7 @@ from identify.estimation.joint_errors import JointErrors, with_joint_errors
 from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, estimate, scatter
 from identify.estimation.selection import select, with_errors
-from identify.estimation.starts import Label, labels, survivor
+from identify.estimation.starts import Label, labels, on_faces, survivor
 from identify.model.calibration import (
     Calibration,
     Discrepancy,
@@ -70,6 +71,7 @@ def calibrate(
     found = estimate(problem, start)
     if parameters == "all":
         problem, found = with_jig_as_it_is(*survivor(problem, found, measured))
+        problem, found = without_doubtful(problem, found, on_faces(measured))
     if not problem.is_stationary(found.x, found.weight):
         x = problem.theta(found.x)
         problem = problem.complete()
@@ -169,7 +171,7 @@ def _calibration(
         scatter=deviation,
         scatter_significant=significant,
         weak=problem.weak(found.x, found.weight),
-        outliers=_worst(problem.rows, residual, ~found.used),
+        outliers=_worst(problem.rows, residual, ~found.used & problem.rows.counted),
         fit=summarize(problem.rows.take(found.used).distances(residual[found.used])),
         held_out=None if held_out is None else summarize(held_out),
         residuals=_residuals(problem.rows, geometry.before, residual, found.used),
@@ -177,7 +179,12 @@ def _calibration(
         iterations=found.iterations,
         solve_s=found.seconds,
         choice=fit.choice,
-        findings=(*_wrong_faces(wrong), *diagnose(problem, found, measured), *_frames(geometry)),
+        findings=(
+            *_wrong_faces(wrong),
+            *_doubtful(problem.rows),
+            *diagnose(problem, found, measured),
+            *_frames(geometry),
+        ),
         inputs=dict(inputs),
         spans={name: (float(value.min()), float(value.max())) for name, value in seen.items()},
     )
@@ -192,6 +199,18 @@ def _wrong_faces(wrong: tuple[Label, ...]) -> Iterator[Finding]:
             f"and lies on '{label.face}': it was used there; correct its face in the file",
             (label.touch,),
         )
+
+
+def _doubtful(rows: Rows) -> tuple[Finding, ...]:
+    """Touches beside an edge, in words."""
+    names = tuple(rows.ids[owner] for owner in np.unique(rows.owner[~rows.counted]))
+    if not names:
+        return ()
+    words = (
+        f"{len(names)} of {len(rows.ids)} touches lie so near an edge that they may have met the next face, and were "
+        f"not used: {', '.join(names)}; plan them farther from the edges"
+    )
+    return (Finding("edge", words, names),)
 
 
 def _frames(problem: Problem) -> tuple[Finding, ...]:

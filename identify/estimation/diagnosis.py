@@ -5,15 +5,16 @@ priors explain taken out of it (a score test, Rao 1948), so a suspicion that the
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.special import fdtrc, ndtri
 
 from identify.estimation.problem import Problem
-from identify.estimation.robust import Estimate
+from identify.estimation.robust import CERTAIN, Estimate
 from identify.model.io.calibration_file import Finding
 from identify.model.measurement import Measured
 from identify.model.touch import Positions, Touches
@@ -27,24 +28,49 @@ LIMIT = 4  # changes in time that are told apart
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Residuals at a solution, in units of their scatter, and an orthonormal basis of what the model explains."""
+    """Residuals at a solution in units of their scatter, an orthonormal basis of what the model explains, and freedom.
 
-    r: Float[np.ndarray, " rows"]
-    Q: Float[np.ndarray, "rows columns"]
+    The rows of the priors stand below those of the measurements: without them a few measurements would have residuals
+    of zero, and any suspicion would be certain.
+    """
+
+    r: Float[np.ndarray, " rows_and_priors"]
+    Q: Float[np.ndarray, "rows_and_priors columns"]
     unit: Float[np.ndarray, " rows"]  # one over the scatter of a row [1/mm]
+    stated: float  # squares that the stated sigma adds to those of r
+    freedom: float  # degrees of freedom of all these squares
 
     def without(self, columns: Float[np.ndarray, "rows more"]) -> "Residuals":
         """The same with these columns in the model."""
         (new,) = self._new(columns[None])
-        return Residuals(self.r - new @ (new.T @ self.r), np.hstack([self.Q, new]), self.unit)
+        freedom = self.freedom - new.shape[1]
+        return replace(self, r=self.r - new @ (new.T @ self.r), Q=np.hstack([self.Q, new]), freedom=freedom)
+
+    @property
+    def total(self) -> float:
+        """Sum of squares, the stated sigma's among them."""
+        return float(self.r @ self.r) + self.stated
 
     def explained_by_each(self, columns: Float[np.ndarray, "groups rows more"]) -> list[tuple[float, int]]:
         """Sum of squares that each group of columns explains beyond the model, and how many of them are new."""
         return [(float(((new.T @ self.r) ** 2).sum()), new.shape[1]) for new in self._new(columns)]
 
-    def _new(self, columns: Float[np.ndarray, "groups rows more"]) -> list[Float[np.ndarray, "rows new"]]:
+    def deviations(self, gain: float, count: int = 1) -> float:
+        """Standard deviations of a normal number that are as improbable as this gain of so many columns (F test)."""
+        freedom = max(self.freedom - count, 1.0)
+        ratio = gain / count / (max(self.total - gain, 1e-9) / freedom)
+        chance = float(fdtrc(count, freedom, ratio)) / 2
+        return float(-ndtri(chance)) if chance > 1e-300 else float(np.sqrt(max(gain, 37.0**2)))
+
+    def _padded(self, columns: Float[np.ndarray, "*groups rows more"]) -> Float[np.ndarray, "*groups more_rows more"]:
+        """Columns in units of the scatter, 0 in the rows of the priors."""
+        out = np.zeros((*columns.shape[:-2], len(self.r), columns.shape[-1]))
+        out[..., : len(self.unit), :] = columns * self.unit[:, None]
+        return out
+
+    def _new(self, columns: Float[np.ndarray, "groups rows more"]) -> list[Float[np.ndarray, "rows_and_priors new"]]:
         """An orthonormal basis of what each group of columns adds to the model."""
-        B = columns * self.unit[:, None]
+        B = self._padded(columns)
         size = np.sqrt((B * B).sum(axis=1, keepdims=True))
         new, R = np.linalg.qr((B - self.Q @ (self.Q.T @ B)) / np.where(size > 0, size, 1.0))
         kept = np.abs(np.diagonal(R, axis1=1, axis2=2)) > 1e-6
@@ -52,17 +78,18 @@ class Residuals:
 
     def fit(self, columns: Float[np.ndarray, "rows more"]) -> Float[np.ndarray, " more"]:
         """How much of each of some columns together the residuals hold."""
-        B = columns * self.unit[:, None]
+        B = self._padded(columns)
         return np.asarray(np.linalg.lstsq(B - self.Q @ (self.Q.T @ B), self.r, rcond=1e-6)[0])
 
     def amount(self, column: Float[np.ndarray, " rows"]) -> tuple[float, float]:
         """How much of a column the residuals hold, and how many standard deviations that is from nothing."""
-        b = column * self.unit
+        b = self._padded(column[:, None])[:, 0]
         rest = b - self.Q @ (self.Q.T @ b)
         size = float(rest @ rest)
         if size < 1e-9 * max(float(b @ b), 1e-300):
             return 0.0, 0.0
-        return float(rest @ self.r) / size, float(rest @ self.r) / np.sqrt(size)
+        score = float(rest @ self.r)
+        return score / size, float(np.copysign(self.deviations(score * score / size), score))
 
 
 _Change = tuple[float, np.ndarray, Finding]  # how much it explains, by which columns, and in words
@@ -111,10 +138,10 @@ class _Case:
         b[:m], b[m:] = r * weight, (self.estimate.x / problem.prior)[known]
         Q, _ = np.linalg.qr(A / np.maximum(np.sqrt((A * A).sum(axis=0)), 1e-300))
         left = b - Q @ (Q.T @ b)
-        Q, left = Q[:m], left[:m]
-        freedom = max(np.count_nonzero(used) - float((Q * Q).sum()), 1.0)
-        scatter = float(np.sqrt(left @ left / freedom))
-        return Residuals(left / scatter, Q, weight / scatter)
+        freedom = np.count_nonzero(used) - float((Q[:m] ** 2).sum())  # of the measurements alone: priors may be wide
+        scatter = float(np.sqrt((CERTAIN + left[:m] @ left[:m]) / (CERTAIN + max(freedom, 0.0))))
+        degrees = CERTAIN + max(int(used.sum()) + len(known) - n, 0)
+        return Residuals(left / scatter, Q, weight / scatter, CERTAIN / scatter**2, degrees)
 
     def many_left_out(self) -> bool:
         return bool((~self.estimate.used).mean() > MANY)
@@ -177,18 +204,18 @@ def _cut(case: _Case, residuals: Residuals) -> tuple[Int[np.ndarray, " touches"]
         ends = np.searchsorted(-case.order[by_touch], -np.arange(len(case.rows.ids)), side="right") - 1
         return np.cumsum(rows[by_touch], axis=0)[ends]
 
-    shared = from_the_end(b[:, None] * residuals.Q)
+    Q, r = residuals.Q[: len(b)], residuals.r[: len(b)]
+    shared = from_the_end(b[:, None] * Q)
     whole = from_the_end(b * b)
     size = whole - (shared * shared).sum(axis=1)
     seen = size > np.maximum(1e-6 * whole, 1e-12)
-    score = np.where(seen, from_the_end(b * residuals.r), 0.0)
+    score = np.where(seen, from_the_end(b * r), 0.0)
     sure = score / np.sqrt(np.where(seen, size, 1.0))
     best = int(np.argmax(np.abs(sure)))
-    total = float(residuals.r @ residuals.r)  # the change itself is part of the scatter, and leaves it with each
-    left = np.maximum(1 - sure**2 / total, 1e-9)
-    near = np.flatnonzero(total * np.log(left / left[best]) < 3.84)
+    left = np.maximum(1 - sure**2 / residuals.total, 1e-9)  # the change is part of the scatter, and leaves it with each
+    near = np.flatnonzero(residuals.freedom * np.log(left / left[best]) < 3.84)
     change = -float(score[best] / size[best]) if seen[best] else 0.0
-    return np.concatenate([[best], near[near != best]]), change, float(sure[best] / np.sqrt(left[best]))
+    return np.concatenate([[best], near[near != best]]), change, residuals.deviations(float(sure[best] ** 2))
 
 
 def _unsettled(case: _Case) -> Iterator[Finding]:
@@ -216,7 +243,7 @@ def _drift(case: _Case, residuals: Residuals) -> _Change | None:
     time, span = _times(case)
     columns = case.rows.normal * (time[case.order] - 0.5)[:, None]
     ((gain, count),) = residuals.explained_by_each(columns[None])
-    if count == 0 or gain < _chi_square(count):
+    if count == 0 or (sure := residuals.deviations(gain, count)) < _sure():
         return None
     way = ", ".join(f"{axis} {-amount:+.2f}" for axis, amount in zip("xyz", residuals.fit(columns), strict=True))
     finding = Finding(
@@ -224,7 +251,7 @@ def _drift(case: _Case, residuals: Residuals) -> _Change | None:
         f"the tip moves by ({way}) mm against the jig {span} (chi-square {gain:.0f} for {count}): warm up, and check "
         "that base, jig and tool are fast",
     )
-    return gain, columns, finding
+    return sure**2, columns, finding
 
 
 def _times(case: _Case) -> tuple[Float[np.ndarray, " measured"], str]:
@@ -247,7 +274,7 @@ def _joint(case: _Case, residuals: Residuals) -> Iterator[Finding]:
     gains = residuals.explained_by_each((case.lever[:, :, None] * shapes).transpose(1, 0, 2))
     best = int(np.argmax([gain for gain, _ in gains]))
     (gain, count), others = gains[best], max([g for k, (g, _) in enumerate(gains) if k != best], default=0.0)
-    if count == 0 or gain < max(_chi_square(count), SHARE * total, TWICE * others):
+    if count == 0 or residuals.deviations(gain, count) < _sure() or gain < max(SHARE * total, TWICE * others):
         return
     yield Finding(
         "one bad joint",
@@ -259,11 +286,11 @@ def _joint(case: _Case, residuals: Residuals) -> Iterator[Finding]:
 
 def _outliers(case: _Case) -> Iterator[Finding]:
     """Touches that were left out."""
-    out = np.unique(case.rows.owner[~case.estimate.used])
+    out = np.unique(case.rows.owner[~case.estimate.used & case.rows.counted])
     if not len(out):
         return
     r = case.problem.residual(case.estimate.x)
-    worst = int(np.argmax(np.where(case.estimate.used, 0.0, np.abs(r))))
+    worst = int(np.argmax(np.where(~case.estimate.used & case.rows.counted, np.abs(r), 0.0)))
     names = tuple(case.rows.ids[i] for i in out)
     yield Finding(
         "outliers",
@@ -271,9 +298,3 @@ def _outliers(case: _Case) -> Iterator[Finding]:
         f"{case.rows.ids[case.rows.owner[worst]]}, by {r[worst]:+.2f} mm",
         names,
     )
-
-
-def _chi_square(count: int) -> float:
-    """What a sum of so many squares exceeds with probability SURE (Wilson and Hilferty 1931)."""
-    z, c = NormalDist().inv_cdf(1 - SURE), 2 / (9 * count)
-    return float(count * (1 - c + z * np.sqrt(c)) ** 3)

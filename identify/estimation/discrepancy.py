@@ -21,9 +21,12 @@ LOOSE, GEOMETRY, ERROR = 0, 1, 2  # kinds of unknowns: without a prior, of the d
 CUT = 0.35  # share of the rows that a fold predicts
 CAP = 25.0  # squared errors beyond it count no more, in variances
 CERTAIN = 10.0  # degrees of freedom that the stated sigma is worth
-EVIDENCE = 0.135, 0.8  # independent predictions that n rows are worth: factor and exponent of n
-FEW = 10  # rows up to which the stated sigma counts in full
+EVIDENCE = 0.33, 0.8  # independent predictions that n rows are worth: factor and exponent of n
+FEW = 30  # rows up to which the stated sigma counts in full
+HIDDEN, USUAL = (0.015, 2.0), (0.5, 3.0)  # factors on joint errors too small to show, or not: median, deviation
+HIDING = 0.95  # share of the first: joint errors are believed where data speak for them at odds of 19 to 1
 BOOTSTRAPS = 100
+TINY = 1e-300  # of a density
 NEGLIGIBLE = 2e-3  # weight of a model that is left out of the average
 ENOUGH = 3000  # rows that choose the factors; all rows make the estimate
 GEOMETRIES = 3.0 ** np.arange(-2, 4)  # factor on the geometry in units of the noise that weighs the rows
@@ -104,7 +107,7 @@ def average(linear: Linear, folds: Sequence[Bool[np.ndarray, " rows"]]) -> Model
     score = np.stack([_fold_scores(*parts) for parts in _without(linear, folds)])
     rows = len(linear.y)
     evidence = EVIDENCE[0] * rows ** EVIDENCE[1]
-    structure, noise = _log_priors()
+    structure, noise = _log_priors(1 + rows / max(int((linear.kind != ERROR).sum()), 1))
     share = np.random.default_rng(0).dirichlet(np.ones(len(score)), BOOTSTRAPS)
     # every row says something of the noise, but few predictions are independent of each other
     stated = max(evidence / rows, min(1.0, FEW / rows))
@@ -169,12 +172,20 @@ def _factors() -> tuple[np.ndarray, np.ndarray]:
     return factor, ratio * factor
 
 
-@lru_cache
-def _log_priors() -> tuple[np.ndarray, np.ndarray]:
-    """Log-normal: a factor 3 around 1, 10 around 0.3, and 10 around 1 for kappa; of the noise chi-square."""
+def _log_priors(shared: float) -> tuple[np.ndarray, np.ndarray]:
+    """Log-normal: a factor 3 around 1 for the geometry, and HIDDEN or USUAL for joint errors; of the noise chi-square.
+
+    The design effect is at most the number of rows that share one deficit of the model (Kish 1965): with few rows per
+    unknown of the geometry it is near 1.
+    """
     geometry, errors = _factors()
     kappa, noise = np.meshgrid(KAPPAS, NOISES, indexing="ij")
-    structure = -0.5 * (np.log(geometry) / np.log(3)) ** 2 - 0.5 * (np.log(errors / 0.3) / np.log(10)) ** 2
-    structure = structure - 0.5 * (np.log(kappa) / np.log(10)) ** 2
+    structure = -0.5 * (np.log(geometry) / np.log(3)) ** 2 - 0.5 * (np.log(kappa) / np.log(shared)) ** 2
+    parts = [share * _log_normal(errors, *size) for share, size in ((HIDING, HIDDEN), (1 - HIDING, USUAL))]
     stated = -CERTAIN * np.log(noise) - CERTAIN / 2 / noise**2
-    return structure, np.broadcast_to(stated, structure.shape)
+    return structure + np.log(np.sum(parts, axis=0) + TINY), np.broadcast_to(stated, structure.shape)
+
+
+def _log_normal(x: np.ndarray, median: float, deviation: float) -> np.ndarray:
+    """Density over log x, but for a constant."""
+    return np.asarray(np.exp(-0.5 * (np.log(x / median) / np.log(deviation)) ** 2) / np.log(deviation))

@@ -63,8 +63,9 @@ def with_joint_errors(problem: Problem, found: Estimate, rng: np.random.Generato
     """
     extended = extend(problem, found.x, shown(problem.cell, problem.rows))
     unit = extended.unit()
-    used = unit > 0 if problem.loss != "linear" else np.ones(len(unit), dtype=bool)
-    _require_agreement(used)
+    counted = problem.rows.counted
+    used = (unit > 0) & counted if problem.loss != "linear" else counted
+    _require_agreement(used[counted])
     selection = extended.selection(np.where(used, np.maximum(unit, 1e-9), 0.0), rng)
     tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(found.x))[0]
     for _ in range(ROUNDS):
@@ -72,11 +73,11 @@ def with_joint_errors(problem: Problem, found: Estimate, rng: np.random.Generato
         posterior = models.posterior(_linear(extended).take(used))
         extended = relinearized(extended, _moved(extended, posterior))
         posterior = models.posterior(_linear(extended).take(used))
-        agreeing = _agreeing(extended, posterior, used) if problem.loss != "linear" else used
+        agreeing = counted & _agreeing(extended, posterior, used) if problem.loss != "linear" else used
         if np.array_equal(agreeing, used):
             break
         used = agreeing
-        _require_agreement(used)
+        _require_agreement(used[counted])
     extended = relinearized(extended, _moved(extended, posterior))
     return JointErrors(extended, models, models.posterior(_linear(extended).take(used)), used, selection)
 

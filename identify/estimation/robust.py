@@ -66,7 +66,7 @@ class _Fit:
 
     def estimate(self, x: Float[np.ndarray, " size"]) -> Estimate:
         """Least squares on the rows that agree."""
-        problem, weight, used = self.problem, 1 / self.rows.sigma, np.ones(len(self.rows), dtype=bool)
+        problem, weight, used = self.problem, 1 / self.rows.sigma, self.rows.counted
         solutions, weighed = [self._first(x, weight)], weight
         near, unanimous = self.foreseen(solutions[-1].x, weight)
         for _ in range(0 if unanimous else ROUNDS):
@@ -160,7 +160,7 @@ class _Fit:
 
         If rows without weight are `judged` as well, by the weights that they would have, they are predictions.
         """
-        return (self._sizes(x, weight, judged=judged) <= self.limit)[self.rows.owner]
+        return (self._sizes(x, weight, judged=judged) <= self.limit)[self.rows.owner] & self.rows.counted
 
     def _sizes(
         self,

@@ -83,9 +83,10 @@ def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray,
 def _associated(problem: Problem, measured: tuple[Measured, ...]) -> Iterator[tuple[Problem, Estimate]]:
     """The estimate from where touches are associated with faces, if all that was measured are touches on faces."""
     cell = problem.cell
-    if not _on_faces(measured) or cell.base is None or cell.tool is None:
+    touches = on_faces(measured)
+    if touches is None or cell.base is None or cell.tool is None:
         return
-    found = believe(cell, measured[0])  # type: ignore[arg-type]
+    found = believe(cell, touches)
     pairs = zip(found.touches.face, found.used, problem.rows.face, strict=True)
     again = relabelled(
         problem, measured, tuple(met if use and met in cell.the_jig.by_name else face for met, use, face in pairs)
@@ -95,7 +96,7 @@ def _associated(problem: Problem, measured: tuple[Measured, ...]) -> Iterator[tu
 
 def _renamed(problem: Problem, found: Estimate, measured: tuple[Measured, ...]) -> Iterator[tuple[Problem, Estimate]]:
     """The estimate with touches that were left out on the faces that they most probably met."""
-    if _on_faces(measured) and not found.used.all():
+    if on_faces(measured) is not None and not found.used.all():
         again = relabelled(problem, measured, nearest(problem, found))
         if again is not problem:
             moved = np.array([a != b for a, b in zip(again.rows.face, problem.rows.face, strict=True)])
@@ -110,9 +111,11 @@ def _grown(
         yield problem, estimate(problem, theta, used)
 
 
-def _on_faces(measured: tuple[Measured, ...]) -> bool:
-    """Whether all measurements are touches of one table, each on a face with a name."""
-    return len(measured) == 1 and isinstance(measured[0], Touches) and all(measured[0].face)
+def on_faces(measured: tuple[Measured, ...]) -> Touches | None:
+    """The touches, if all that was measured is one table of touches, each on a face with a name."""
+    if len(measured) == 1 and isinstance(measured[0], Touches) and all(measured[0].face):
+        return measured[0]
+    return None
 
 
 def relabelled(problem: Problem, measured: tuple[Measured, ...], faces: tuple[str, ...]) -> Problem:

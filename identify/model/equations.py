@@ -29,7 +29,7 @@ class Rows:
     normal: Float[np.ndarray, "rows 3"]
     offset: Float[np.ndarray, " rows"]  # [mm], a ball's radius included
     radius: Float[np.ndarray, " rows"]  # [mm], of a flat wire end; 0 for points, balls and positions
-    sigma: Float[np.ndarray, " rows"]  # [mm]
+    sigma: Float[np.ndarray, " rows"]  # [mm]; infinite for a row that counts nothing
     ids: tuple[str, ...]  # of the touches and positions
     owner: Int[np.ndarray, " rows"]  # index into `ids`
     conditions: Float[np.ndarray, "rows conditions"] | None = None  # for error models; None: nothing was recorded
@@ -69,6 +69,11 @@ class Rows:
             if isinstance(value, np.ndarray):
                 columns[field.name] = value[index]
         return replace(self, **columns)
+
+    @property
+    def counted(self) -> Bool[np.ndarray, " rows"]:
+        """Rows of finite scatter."""
+        return np.isfinite(self.sigma)
 
     def distances(self, residual: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " measured"]:
         """One distance a measurement that has rows here: the root of the sum of its squared residuals [mm]."""
