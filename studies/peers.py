@@ -38,7 +38,7 @@ import numpy as np
 from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, picture
 from oed.design.relaxation import approximate_design
 from studies.engine import Table, column, distinct, where
-from studies.peers_problems import QUESTIONS, candidates
+from studies.racers.peers_problems import QUESTIONS, candidates
 from studies.racing import race
 
 ALONE = True  # one task at a time, in this process: clocks are read

@@ -11,6 +11,7 @@ In the order in which data walks through:
     collision   what arm and torch hit
     arm         the arm behind the encoders: play in its gears, noise in its joints
     batch       all touches of a plan at once, without time and without a port
+    readings    what devices read, in tables of any kind but touches
     motion      how far along its path a robot is at a time
     records     how motions ended, and what was really touched
     robot       the virtual robot: it moves in time and meets the jig

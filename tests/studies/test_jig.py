@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from identify.model.frames import transform
-from studies import jig, two_places
+from studies import jig
+from studies.jigs import two_places
 from studies.common import zone
 from studies.many import draw_many
 

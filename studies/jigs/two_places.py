@@ -17,7 +17,7 @@ from oed.design.exact import exact_design
 from oed.design.relaxation import approximate_design
 from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
 from studies.common import arc_welder
-from studies.jig_shown import TOUCHES
+from studies.jigs.jig_shown import TOUCHES
 from studies.many import ManyTouches, Problem, draw_faces, draw_many, errors_in_zone, touch_every
 
 SECOND = {  # shift [mm] and turn about the vertical [deg] of the jig

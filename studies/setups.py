@@ -1,0 +1,233 @@
+"""Are intervals and promises kept with several targets, two stands of a jig, a ball bar, and an arm on a track?
+
+TEXT
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from identify.estimation.calibrate import calibrate
+from identify.model.calibration import Calibration
+from identify.model.cell import CATALOGUE, Cell, Device, Point, Priors, Zone
+from identify.model.files import InputError
+from identify.model.measurement import Measured
+from identify.model.robot import POSE_NAMES, Robot
+from identify.model.touch import Touches
+from identify.model.urdf.chain import read_urdf
+from identify.model.zone import zone_poses
+from identify.report.svg import AFTER, OUT, Chart, logarithmic, picture
+from identify.uncertainty.calibrated import zone_promise
+from oed.planning.kinds import plan_kinds
+from oed.planning.plan import plan
+from probe.virtual.readings import draw_named, readings
+from studies.common import arc_welder
+from studies.engine import Table, column, distinct, where
+from studies.promise import scaled, touched
+
+ROBOTS, BATCH = 100, 10
+NEAR = 0.25  # of the priors of the library cell: base and tool measured to 2.5 mm and half a degree
+SECOND = np.array([120.0, -80.0, 0.0, np.radians(25.0), 0.0, 0.0])  # [mm, rad] by which the base stands otherwise
+BAR = 400.0  # [mm]
+JOINTS = (  # of a common arm of 900 mm: name, axis, where it stands on the link before [m]
+    ("a1", "0 0 1", "0 0 0.2"), ("a2", "0 1 0", "0.02 0 0.19"), ("a3", "0 1 0", "0 0 0.42"),
+    ("a4", "1 0 0", "0.2 0 0.02"), ("a5", "0 1 0", "0.2 0 0"), ("a6", "1 0 0", "0.08 0 0"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Robotic:
+    """A robot as it truly is: its parameters, and what measurements share, by name [mm, rad]."""
+
+    theta: Float[np.ndarray, " parameters"]
+    shared: dict[str, float]
+
+
+Setup = tuple[Cell, Callable[[np.random.Generator], tuple[Robotic, list[Measured]]]]
+
+
+def _drawn(cell: Cell, rng: np.random.Generator) -> Float[np.ndarray, " parameters"]:
+    return np.asarray(cell.theta + cell.spread * rng.standard_normal(len(cell.theta)))
+
+
+def _by_axis(further: dict[str, np.ndarray]) -> dict[str, float]:
+    return {f"{name}.{axis}": float(v) for name, value in further.items() for axis, v in zip(POSE_NAMES, value, strict=False)}
+
+
+def _planned(cell: Cell, kind: str, budget: float, count: int) -> Setup:
+    """Measurements of one kind, planned."""
+    (part,) = plan_kinds(cell, [kind], budget, rng=np.random.default_rng(0), count=count).parts
+    assert part.table is not None
+    table = part.table
+
+    def make(rng: np.random.Generator) -> tuple[Robotic, list[Measured]]:
+        theta, further = _drawn(cell, rng), draw_named(cell, rng)
+        return Robotic(theta, _by_axis(further)), [readings(cell, table, theta, rng, further)]
+
+    return cell, make
+
+
+def _targets(count: int) -> Setup:
+    cell = scaled(arc_welder(), NEAR)
+    tools = {f"smr{k}": cell.theta[-6:] + np.array([60.0 * (-1) ** k, 40.0 * k - 60, -60, 0, 0, 0]) for k in (2, 3)}
+    cell = replace(cell, tools=tools, devices={"position": Device(minutes=0.15, sigma=0.03)})
+    return _planned(cell, "position", 15.0, count)
+
+
+def _bar(count: int) -> Setup:
+    cell = scaled(arc_welder(), NEAR)
+    places = {"anchor_a": (450.0, -50.0, 10.0), "anchor_b": (-50.0, 350.0, 10.0)}
+    points = {name: Point(np.array(place), 0.02) for name, place in places.items()}
+    bar = Device(minutes=0.15, sigma=0.005, range=(BAR, BAR), max_tilt=np.radians(75))
+    return _planned(replace(cell, points=points, devices={"distance": bar}), "distance", 15.0, count)
+
+
+def _stands(count: int) -> Setup:
+    cell = replace(scaled(arc_welder(), NEAR), placements={"second": None})
+    first = replace(cell, placements={})
+    other = replace(first, base=first.theta[:6] + SECOND)
+    plans = [plan(c, 60, rng=np.random.default_rng(0), count=count).plan for c in (first, other)]
+
+    def make(rng: np.random.Generator) -> tuple[Robotic, list[Measured]]:
+        theta = _drawn(first, rng)
+        second = theta[:6] + SECOND + np.repeat([20.0, np.radians(3.0)], 3) * rng.uniform(-1, 1, 6) * 0.25
+        faces = {face.name: face.tolerance * rng.standard_normal() for face in cell.the_jig.faces}
+        moved = np.concatenate([second, theta[6:]])
+        tables: list[Touches] = []
+        for k, (c, p, t) in enumerate(zip((first, other), plans, (theta, moved), strict=True)):
+            made = touched(c, p, t, faces, rng)
+            ids = tuple(f"{k}-{name}" for name in made.ids)
+            tables.append(replace(made, ids=ids, placement=("second",) * len(ids)) if k else replace(made, ids=ids))
+        shared = {f"face.{name}": b for name, b in faces.items()} | _by_axis({"placement.second": second})
+        return Robotic(theta, shared), list(tables)
+
+    return cell, make
+
+
+def workcell() -> Robot:
+    """An arm of six axes on a track, seen from the table of a positioner of two axes."""
+    limit = '<limit lower="{}" upper="{}" velocity="2"/>'
+    arm = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{"base" if k == 0 else f"l{k - 1}"}"/><child link="l{k}"/>'
+        f'<origin xyz="{place}"/><axis xyz="{axis}"/>{limit.format(-2.6, 2.6)}</joint>'
+        for k, (name, axis, place) in enumerate(JOINTS)
+    )
+    text = f"""<robot name="workcell">
+<joint name="tilt" type="revolute"><parent link="world"/><child link="cradle"/><origin xyz="0.75 0.6 0.3"/>
+<axis xyz="0 1 0"/>{limit.format(-1, 1)}</joint>
+<joint name="turn" type="revolute"><parent link="cradle"/><child link="table"/><origin xyz="0 0 0.1"/>
+<axis xyz="0 0 1"/>{limit.format(-3, 3)}</joint>
+<joint name="track" type="prismatic"><parent link="world"/><child link="base"/><origin xyz="0 0 0.1"/>
+<axis xyz="0 1 0"/>{limit.format(0, 1.2)}</joint>{arm}
+<joint name="mount" type="fixed"><parent link="l5"/><child link="tool0"/><origin rpy="0 1.5708 0" xyz="0.03 0 0"/></joint>
+</robot>"""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "workcell.urdf"
+        file.write_text(text)
+        return read_urdf(file, "table", "tool0")
+
+
+def _track(count: int) -> Setup:
+    priors = Priors(base=(1.0, np.radians(0.2)), tool=(1.0, np.radians(0.2)), link=CATALOGUE)
+    box = np.array([[-200.0, 200.0], [-200.0, 200.0], [50.0, 250.0]])
+    tool = np.array([0.0, 0.0, 120.0, 0.0, 0.0, 0.0])
+    tracker = Device(minutes=0.15, sigma=0.03, box=np.array([[-400.0, 400.0], [-400.0, 400.0], [50.0, 500.0]]))
+    cell = Cell(workcell(), None, np.zeros(6), tool, zone=Zone(box), priors=priors, devices={"position": tracker})
+    return _planned(cell, "position", 15.0, count)
+
+
+SETUPS: dict[str, Callable[[int], Setup]] = {
+    "three targets": _targets,
+    "jig at two stands": _stands,
+    "ball bar, two anchors": _bar,
+    "track and positioner": _track,
+}
+
+
+@lru_cache(maxsize=8)
+def setup(name: str, count: int) -> Setup:
+    """A setup, planned once a process."""
+    return SETUPS[name](count)
+
+
+def tasks(small: bool) -> list[dict[str, Any]]:
+    """A batch of robots a task."""
+    size, count, batches = (2, 400, 1) if small else (BATCH, 2000, ROBOTS // BATCH)
+    return [{"name": name, "batch": k, "robots": size, "count": count} for name in SETUPS for k in range(batches)]
+
+
+def run(rng: np.random.Generator, name: str, batch: int, robots: int, count: int) -> list[dict[str, Any]]:
+    """One row a robot: what it was promised, what it got, and the share of intervals that hold the truth."""
+    cell, make = setup(name, count)
+    zone = zone_poses(cell, rng=np.random.default_rng(4711))
+    rows = []
+    for _ in range(robots):
+        true, measured = make(rng)
+        row: dict[str, Any] = {"setup": name, "measurements": sum(map(len, measured))}
+        rows.append(row | _judged(cell, true, measured, zone))
+    return rows
+
+
+def _judged(cell: Cell, true: Robotic, measured: list[Measured], q: np.ndarray) -> dict[str, float]:
+    """NaN if the measurements were refused."""
+    try:
+        found = calibrate(cell, *measured, folds=0)
+    except (InputError, RuntimeError):
+        return dict.fromkeys(("promised_mm", "delivered_mm", "rms_mm", "covered"), float("nan"))
+    off = [cell.kinematics.tip(q, theta)[0] for theta in (found.theta, true.theta)]
+    error = np.linalg.norm(off[0] - off[1], axis=1)
+    return {
+        "promised_mm": zone_promise(found).p95_mm,
+        "delivered_mm": float(np.percentile(error, 95)),
+        "rms_mm": float(np.sqrt((error**2).mean())),
+        "covered": covered(found, true),
+    }
+
+
+def covered(found: Calibration, true: Robotic) -> float:
+    """The share of 95 % intervals of parameters and of what measurements share that hold the truth."""
+    truth = dict(zip(found.cell.robot.parameters, true.theta, strict=True)) | true.shared
+    value = dict(zip(found.cell.robot.parameters, found.theta, strict=True)) | {s.name: s.value for s in found.shared}
+    sigma = dict(zip(found.names, np.sqrt(np.diag(found.joint_covariance)), strict=True))
+    return float(np.mean([abs(truth[name] - value[name]) < 1.96 * s for name, s in sigma.items() if name in truth]))
+
+
+def answer(table: Table) -> str:
+    """A line a setup."""
+    head = ("robots", "measured", "kept %", "ratio", "RMS mm", "95 % mm", "covered %")
+    lines = [f"{'setup':24}" + "".join(f"{word:>10}" for word in head)]
+    for name in distinct(table, "setup"):
+        some = where(table, setup=name)
+        promised, delivered, rms = (column(some, key) for key in ("promised_mm", "delivered_mm", "rms_mm"))
+        good = np.isfinite(promised)
+        kept, ratio = 100 * (delivered[good] <= promised[good]).mean(), np.median(promised[good] / delivered[good])
+        lines.append(
+            f"{name:24}{good.sum():10d}{column(some, 'measurements').mean():10.0f}{kept:10.1f}{ratio:10.2f}"
+            f"{np.median(rms[good]):10.3f}{np.median(delivered[good]):10.3f}{100 * column(some, 'covered')[good].mean():10.1f}"
+        )
+    return "\n".join(lines)
+
+
+def pictures(table: Table) -> dict[str, str]:
+    """Promised and delivered errors of every robot."""
+    promised, delivered = column(table, "promised_mm"), column(table, "delivered_mm")
+    good = np.isfinite(promised)
+    chart = Chart(
+        "Tip error at 95 % of the poses of the zone: a dot a robot, kept below the line",
+        logarithmic("promised, mm", promised[good]),
+        logarithmic("delivered, mm", delivered[good]),
+        width=480,
+        height=360,
+    )
+    x, y = chart.x.scaled(promised[good]), chart.y.scaled(delivered[good])
+    names = np.array(table["setup"])[good]
+    ends = np.array([max(promised[good].min(), delivered[good].min()), promised[good].max()])
+    chart.dots(x, y, AFTER, [f"{name}: {e:.3f} mm" for name, e in zip(names, delivered[good], strict=True)])
+    chart.line(chart.x.scaled(ends), chart.y.scaled(ends), OUT)
+    return {"setups": picture(chart)}
