@@ -44,7 +44,20 @@ _FRONT = {"engine": "Study evaluate write_results"}
 if not TYPE_CHECKING:
     __getattr__, __dir__ = front(__name__, _FRONT)
 
-STUDIES = ("strategies", "paper", "models", "observability", "touches", "jig", "peers", "beyond", "campaign", "kinds", "scale", "setups")
+STUDIES = (
+    "strategies",
+    "paper",
+    "models",
+    "observability",
+    "touches",
+    "jig",
+    "peers",
+    "beyond",
+    "campaign",
+    "kinds",
+    "scale",
+    "setups",
+)
 """Every study is a module of this package: its docstring is question, setup and answer; `tasks`, `run`, `answer` and
 `pictures` make it (`studies.engine.Study`)."""
 

@@ -34,8 +34,8 @@ from oed.design.relaxation import approximate_design
 from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
 from studies.common import arc_welder, zone
 from studies.jigs.jig_shown import ROBOTS, TOUCHES, answer, pictures
-from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
 from studies.jigs.two_places import SECOND, second_places
+from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
 
 __all__ = ["answer", "pictures", "run", "tasks"]
 

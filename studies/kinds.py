@@ -1,6 +1,18 @@
 """What is each kind of measurement worth per minute, and what are several worth together?
 
-TEXT
+Setup: the arc-welder and the stepped jig, base and tool known to 2.5 mm and half a degree, in 4 and 8 minutes of
+measuring. A touch (0.05 mm) takes 6 seconds, a distance from one of two anchors by a draw wire (0.02 mm, anchors known
+to 0.02 mm) 15, a position by a tracker (0.05 mm) 30. One design weighs 2,000 candidates of each kind (667 positions)
+with the minutes as their cost (criterion V). The bound is the RMS tip error in the zone that no measurements of the
+same minutes beat by the certificate; 30 robots drawn from the priors, with faces off by their tolerances, then make the
+plan and are identified.
+
+Answer: kinds together beat each alone. In 8 minutes, 80 touches leave 0.059 mm RMS (median of the robots), 32 distances
+0.45 mm, since two anchors do not fix the frame, and 20 touches with 24 distances 0.046 mm; the bounds are 0.060, 0.613
+and 0.039 mm, the promises 0.063, 0.614 and 0.044. 16 positions leave 0.054 mm, so that a tracker that needs five times
+as long as a touch is worth as much per minute; 45 touches and 7 positions leave 0.051. In 4 minutes the ranking is the
+same: 0.088 mm with 40 touches, 0.081 with 25 touches and 6 distances; 8 positions are too few, 0.23 mm, and a plan that
+may take touches and positions takes 40 touches.
 """
 
 from dataclasses import replace
@@ -22,9 +34,9 @@ from studies.engine import Table, column, distinct, where
 from studies.promise import scaled, touched
 
 SETS = ("touch", "distance", "touch,distance", "position", "touch,position")
-BUDGETS = (4.0, 8.0, 16.0)  # minutes
+BUDGETS = (4.0, 8.0)  # minutes
 NEAR = 0.25  # of the priors of the library cell
-ROBOTS = 40
+ROBOTS = 30
 WIRE = Device(minutes=0.25, sigma=0.02, range=(250.0, 900.0))
 TRACKER = Device(minutes=0.5, sigma=0.05)
 ANCHORS = {"anchor_a": (450.0, -50.0, 10.0), "anchor_b": (-50.0, 350.0, 10.0)}
@@ -32,7 +44,7 @@ ANCHORS = {"anchor_a": (450.0, -50.0, 10.0), "anchor_b": (-50.0, 350.0, 10.0)}
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """A set of kinds and a budget a task."""
-    size = {"robots": 2, "count": 300} if small else {"robots": ROBOTS, "count": 2000}
+    size = {"robots": 2, "count": 150} if small else {"robots": ROBOTS, "count": 2000}
     budgets, sets = (BUDGETS[1:2], SETS[:3]) if small else (BUDGETS, SETS)
     return [{"kinds": kinds, "minutes": minutes, **size} for minutes in budgets for kinds in sets]
 
@@ -88,7 +100,9 @@ def answer(table: Table) -> str:
     lines = [f"{'kinds':18}{'minutes':>8}{'bound':>9}{'promise':>9}{'robots':>9}  RMS tip error in the zone, mm"]
     for kinds in distinct(table, "kinds"):
         some = where(table, kinds=kinds)
-        rows = zip(*(some[name] for name in ("minutes", "bound_rms_mm", "promised_rms_mm", "rms_mm", "measured")), strict=True)
+        rows = zip(
+            *(some[name] for name in ("minutes", "bound_rms_mm", "promised_rms_mm", "rms_mm", "measured")), strict=True
+        )
         lines += [f"{kinds:18}{m:8.0f}{b:9.3f}{p:9.3f}{r:9.3f}  {what}" for m, b, p, r, what in rows]
     return "\n".join(lines)
 
@@ -108,6 +122,8 @@ def pictures(table: Table) -> dict[str, str]:
         some = where(table, kinds=kinds)
         x, y = chart.x.scaled(column(some, "minutes")), chart.y.scaled(column(some, "rms_mm"))
         chart.line(x, y, shade)
-        chart.dots(x, y, shade, [f"{what}: {e:.3f} mm" for what, e in zip(some["measured"], some["rms_mm"], strict=True)])
+        chart.dots(
+            x, y, shade, [f"{what}: {e:.3f} mm" for what, e in zip(some["measured"], some["rms_mm"], strict=True)]
+        )
     chart.legend([(shade, kinds.replace(",", " and ")) for shade, kinds in zip(shades, sets, strict=True)])
     return {"kinds": picture(chart)}

@@ -1,6 +1,16 @@
 """When do lengths collapse, and what does one known length do?
 
-TEXT
+Setup: the arc-welder, its base and tool known to 2.5 mm and half a degree, brings a ball into four sockets whose places
+are to be fitted, 60 contacts in all, to 0.03 mm. No length is known, or the distance of two sockets, 400 or 350 mm
+apart, to 0.01 to 1 mm. 30 robots a line. The identified robot's tips at the poses of the zone are laid over the true
+ones by the best rigid motion (Umeyama 1991): what is left is the error that no choice of frame explains, and the scale
+between them is the error of all lengths together.
+
+Answer: without a known length all lengths could shrink together and every contact would still fit: calibrations are
+refused, all of them, and the same holds for a length that is known to a millimetre, since a thousandth of 400 mm would
+pass unnoticed. One length known to 0.01 mm leaves a scale error of 36 to 53 millionths and 0.02 mm RMS in the zone;
+0.03 mm leave 87 to 105 millionths, 0.1 mm leave 295 to 352, which is the error of the length itself; 0.3 mm leave 0.08
+mm RMS. From 0.03 mm on, a better known length buys nothing for the tip: the scatter of the contacts remains.
 """
 
 from dataclasses import replace
@@ -56,13 +66,17 @@ def run(rng: np.random.Generator, pair: int, sigma: float, robots: int) -> list[
         places = SOCKETS + rng.standard_normal(SOCKETS.shape)
         true = dict(zip(cell.points, places, strict=True))
         made = readings(replace(cell, points={n: Point(p) for n, p in true.items()}), table, theta, rng)
-        spacings, length = (), 0.0
+        spacings: tuple[Spacing, ...] = ()
         if pair >= 0:
             a, b = LENGTHS[pair]
             length = float(np.linalg.norm(places[a] - places[b]))
             read = length + sigma * rng.standard_normal()
             spacings = (Spacing(f"socket_{a}", f"socket_{b}", read, sigma),)
-        row = {"length_mm": round(float(np.linalg.norm(np.subtract(*SOCKETS[list(LENGTHS[pair])]))), -1) if pair >= 0 else 0.0}
+        row = {
+            "length_mm": round(float(np.linalg.norm(np.subtract(*SOCKETS[list(LENGTHS[pair])]))), -1)
+            if pair >= 0
+            else 0.0
+        }
         try:
             found = calibrate(replace(fitted, spacings=spacings), made, folds=0)
         except InputError:
@@ -99,12 +113,12 @@ def answer(table: Table) -> str:
 def pictures(table: Table) -> dict[str, str]:
     """Error of the scale against how well the length is known."""
     some = {name: [v for v, no in zip(cells, table["refused"], strict=True) if not no] for name, cells in table.items()}
-    points = []
+    points: list[tuple[float, np.ndarray, np.ndarray]] = []
     for length in distinct(some, "length_mm"):
         part = where(some, length_mm=length)
-        sigmas = distinct(part, "sigma_mm")
-        error = [float(np.sqrt((column(where(part, sigma_mm=s), "scale_ppm") ** 2).mean())) for s in sigmas]
-        points.append((length, np.array(sigmas, dtype=float), np.array(error)))
+        levels = distinct(part, "sigma_mm")
+        rms = [float(np.sqrt((column(where(part, sigma_mm=s), "scale_ppm") ** 2).mean())) for s in levels]
+        points.append((length, np.array(levels, dtype=float), np.array(rms)))
     chart = Chart(
         "Error of all lengths together, RMS over robots",
         logarithmic("sigma of the known length, mm", np.concatenate([p[1] for p in points])),

@@ -1,6 +1,18 @@
 """Are intervals and promises kept with several targets, two stands of a jig, a ball bar, and an arm on a track?
 
-TEXT
+Setup: 100 robots each, drawn from the priors of their cell. Three targets: 100 positions (0.03 mm) of three targets in
+one file, the arc-welder with base and tools known to 2.5 mm and half a degree. Jig at two stands: 60 planned touches
+(0.05 mm) of the stepped jig at its place and 60 more after it was moved to a place that nobody measured, those that
+miss lost. Ball bar: 100 distances of 400 mm (0.005 mm) from two anchors known to 0.02 mm. Track and positioner: 100
+positions (0.03 mm) of an arm of six axes on a track, in the frame of the table of a positioner of two axes, nine joints
+in all. Plans are those of `touchcal plan`; the promise of the calibration is compared with the tip error at 300 other
+poses of the zone.
+
+Answer: yes. 95 % intervals of parameters, placements, tools and points hold the truth in 94.9 % of the cases with three
+targets, 94.8 % with two stands, 94.9 % with the ball bar and 95.4 % on the track; the promise is kept by 95, 95, 95 and
+96 of 100 robots, at 1.4 to 1.5 times the delivered error in the median (3.1 with the ball bar). The RMS tip error is
+0.014 mm, 0.056 mm and 0.014 mm where the devices fix the frame. Two anchors do not: the cell may turn about the line
+that joins them, which only the tolerance of the base holds; 0.38 mm are left, as promised.
 """
 
 from collections.abc import Callable
@@ -36,20 +48,24 @@ NEAR = 0.25  # of the priors of the library cell: base and tool measured to 2.5 
 SECOND = np.array([120.0, -80.0, 0.0, np.radians(25.0), 0.0, 0.0])  # [mm, rad] by which the base stands otherwise
 BAR = 400.0  # [mm]
 JOINTS = (  # of a common arm of 900 mm: name, axis, where it stands on the link before [m]
-    ("a1", "0 0 1", "0 0 0.2"), ("a2", "0 1 0", "0.02 0 0.19"), ("a3", "0 1 0", "0 0 0.42"),
-    ("a4", "1 0 0", "0.2 0 0.02"), ("a5", "0 1 0", "0.2 0 0"), ("a6", "1 0 0", "0.08 0 0"),
+    ("a1", "0 0 1", "0 0 0.2"),
+    ("a2", "0 1 0", "0.02 0 0.19"),
+    ("a3", "0 1 0", "0 0 0.42"),
+    ("a4", "1 0 0", "0.2 0 0.02"),
+    ("a5", "0 1 0", "0.2 0 0"),
+    ("a6", "1 0 0", "0.08 0 0"),
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Robotic:
+class Truth:
     """A robot as it truly is: its parameters, and what measurements share, by name [mm, rad]."""
 
     theta: Float[np.ndarray, " parameters"]
     shared: dict[str, float]
 
 
-Setup = tuple[Cell, Callable[[np.random.Generator], tuple[Robotic, list[Measured]]]]
+Setup = tuple[Cell, Callable[[np.random.Generator], tuple[Truth, list[Measured]]]]
 
 
 def _drawn(cell: Cell, rng: np.random.Generator) -> Float[np.ndarray, " parameters"]:
@@ -57,7 +73,11 @@ def _drawn(cell: Cell, rng: np.random.Generator) -> Float[np.ndarray, " paramete
 
 
 def _by_axis(further: dict[str, np.ndarray]) -> dict[str, float]:
-    return {f"{name}.{axis}": float(v) for name, value in further.items() for axis, v in zip(POSE_NAMES, value, strict=False)}
+    return {
+        f"{name}.{axis}": float(v)
+        for name, value in further.items()
+        for axis, v in zip(POSE_NAMES, value, strict=False)
+    }
 
 
 def _planned(cell: Cell, kind: str, budget: float, count: int) -> Setup:
@@ -66,9 +86,9 @@ def _planned(cell: Cell, kind: str, budget: float, count: int) -> Setup:
     assert part.table is not None
     table = part.table
 
-    def make(rng: np.random.Generator) -> tuple[Robotic, list[Measured]]:
+    def make(rng: np.random.Generator) -> tuple[Truth, list[Measured]]:
         theta, further = _drawn(cell, rng), draw_named(cell, rng)
-        return Robotic(theta, _by_axis(further)), [readings(cell, table, theta, rng, further)]
+        return Truth(theta, _by_axis(further)), [readings(cell, table, theta, rng, further)]
 
     return cell, make
 
@@ -94,7 +114,7 @@ def _stands(count: int) -> Setup:
     other = replace(first, base=first.theta[:6] + SECOND)
     plans = [plan(c, 60, rng=np.random.default_rng(0), count=count).plan for c in (first, other)]
 
-    def make(rng: np.random.Generator) -> tuple[Robotic, list[Measured]]:
+    def make(rng: np.random.Generator) -> tuple[Truth, list[Measured]]:
         theta = _drawn(first, rng)
         second = theta[:6] + SECOND + np.repeat([20.0, np.radians(3.0)], 3) * rng.uniform(-1, 1, 6) * 0.25
         faces = {face.name: face.tolerance * rng.standard_normal() for face in cell.the_jig.faces}
@@ -105,7 +125,7 @@ def _stands(count: int) -> Setup:
             ids = tuple(f"{k}-{name}" for name in made.ids)
             tables.append(replace(made, ids=ids, placement=("second",) * len(ids)) if k else replace(made, ids=ids))
         shared = {f"face.{name}": b for name, b in faces.items()} | _by_axis({"placement.second": second})
-        return Robotic(theta, shared), list(tables)
+        return Truth(theta, shared), list(tables)
 
     return cell, make
 
@@ -125,7 +145,8 @@ def workcell() -> Robot:
 <axis xyz="0 0 1"/>{limit.format(-3, 3)}</joint>
 <joint name="track" type="prismatic"><parent link="world"/><child link="base"/><origin xyz="0 0 0.1"/>
 <axis xyz="0 1 0"/>{limit.format(0, 1.2)}</joint>{arm}
-<joint name="mount" type="fixed"><parent link="l5"/><child link="tool0"/><origin rpy="0 1.5708 0" xyz="0.03 0 0"/></joint>
+<joint name="mount" type="fixed"><parent link="l5"/><child link="tool0"/>
+<origin rpy="0 1.5708 0" xyz="0.03 0 0"/></joint>
 </robot>"""
     with TemporaryDirectory() as folder:
         file = Path(folder) / "workcell.urdf"
@@ -158,7 +179,7 @@ def setup(name: str, count: int) -> Setup:
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """A batch of robots a task."""
-    size, count, batches = (2, 400, 1) if small else (BATCH, 2000, ROBOTS // BATCH)
+    size, count, batches = (2, 150, 1) if small else (BATCH, 2000, ROBOTS // BATCH)
     return [{"name": name, "batch": k, "robots": size, "count": count} for name in SETUPS for k in range(batches)]
 
 
@@ -174,7 +195,7 @@ def run(rng: np.random.Generator, name: str, batch: int, robots: int, count: int
     return rows
 
 
-def _judged(cell: Cell, true: Robotic, measured: list[Measured], q: np.ndarray) -> dict[str, float]:
+def _judged(cell: Cell, true: Truth, measured: list[Measured], q: np.ndarray) -> dict[str, float]:
     """NaN if the measurements were refused."""
     try:
         found = calibrate(cell, *measured, folds=0)
@@ -190,7 +211,7 @@ def _judged(cell: Cell, true: Robotic, measured: list[Measured], q: np.ndarray) 
     }
 
 
-def covered(found: Calibration, true: Robotic) -> float:
+def covered(found: Calibration, true: Truth) -> float:
     """The share of 95 % intervals of parameters and of what measurements share that hold the truth."""
     truth = dict(zip(found.cell.robot.parameters, true.theta, strict=True)) | true.shared
     value = dict(zip(found.cell.robot.parameters, found.theta, strict=True)) | {s.name: s.value for s in found.shared}
@@ -204,12 +225,14 @@ def answer(table: Table) -> str:
     lines = [f"{'setup':24}" + "".join(f"{word:>10}" for word in head)]
     for name in distinct(table, "setup"):
         some = where(table, setup=name)
-        promised, delivered, rms = (column(some, key) for key in ("promised_mm", "delivered_mm", "rms_mm"))
+        promised, delivered, rms, inside, count = (
+            column(some, key) for key in ("promised_mm", "delivered_mm", "rms_mm", "covered", "measurements")
+        )
         good = np.isfinite(promised)
         kept, ratio = 100 * (delivered[good] <= promised[good]).mean(), np.median(promised[good] / delivered[good])
         lines.append(
-            f"{name:24}{good.sum():10d}{column(some, 'measurements').mean():10.0f}{kept:10.1f}{ratio:10.2f}"
-            f"{np.median(rms[good]):10.3f}{np.median(delivered[good]):10.3f}{100 * column(some, 'covered')[good].mean():10.1f}"
+            f"{name:24}{good.sum():10d}{count.mean():10.0f}{kept:10.1f}{ratio:10.2f}{np.median(rms[good]):10.3f}"
+            f"{np.median(delivered[good]):10.3f}{100 * inside[good].mean():10.1f}"
         )
     return "\n".join(lines)
 

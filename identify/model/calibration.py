@@ -74,6 +74,11 @@ class SharedValue:
     scale: float
     """[mm] or [rad], 1 sigma of the prior."""
 
+    @property
+    def inside(self) -> float:
+        """One unit of files, in mm or rad."""
+        return float(np.radians(1.0)) if self.unit == "deg" else 1.0
+
 
 @dataclass(frozen=True)
 class Discrepancy:
@@ -175,6 +180,13 @@ class Calibration:
             return self.covariance
         across = self.shared_covariance[:, : len(self.estimated)]
         return np.block([[self.covariance, across.T], [self.shared_covariance]])
+
+    @property
+    def named(self) -> tuple[tuple[SharedValue, float], ...]:
+        """Further placements, tools and points with the standard deviation of each coordinate [mm] or [rad]."""
+        sigma = np.sqrt(np.diag(self.joint_covariance))[len(self.estimated) :].tolist()
+        some = zip(self.shared, sigma, strict=True)
+        return tuple(pair for pair in some if pair[0].name.startswith(("placement.", "tool.", "point.")))
 
     def status(self, name: str) -> Literal["estimated", "eliminated", "fixed"]:
         """What became of a parameter."""

@@ -133,9 +133,11 @@ def _spread(measured: Sequence[Measured], parts: Sequence[Rows], column: str) ->
 
 def _conditions(table: Measured, part: Rows, reference: float) -> Float[np.ndarray, "rows conditions"]:
     """Direction of every joint into a touch, and temperature above the reference; 0 where nothing was recorded."""
-    if not isinstance(table, Touches):
-        return np.zeros((len(part), part.q.shape[1] + 1))
-    return touch_conditions(table.q, table.approach, np.nan_to_num(table.temperature - reference))
+    temperature = getattr(table, "temperature", None)
+    warmth = np.zeros(len(table)) if temperature is None else np.nan_to_num(temperature - reference)
+    if isinstance(table, Touches):
+        return touch_conditions(table.q, table.approach, warmth)
+    return np.column_stack([np.zeros_like(part.q), warmth[part.owner]])
 
 
 def touch_conditions(

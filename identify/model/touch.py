@@ -83,6 +83,8 @@ class Positions(Table):
     """Names of further stands; None or empty: the jig's own."""
     tool: tuple[str, ...] | None = None
     """Names of further targets; None or empty: the tool of the cell."""
+    temperature: Float[np.ndarray, " positions"] | None = None
+    """[degC], NaN where not read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +104,8 @@ class Poses(Table):
     """[rad] about each axis."""
     placement: tuple[str, ...] | None = None
     tool: tuple[str, ...] | None = None
+    temperature: Float[np.ndarray, " poses"] | None = None
+    """[degC], NaN where not read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +123,8 @@ class Distances(Table):
     """[mm]."""
     placement: tuple[str, ...] | None = None
     tool: tuple[str, ...] | None = None
+    temperature: Float[np.ndarray, " distances"] | None = None
+    """[degC], NaN where not read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +140,8 @@ class Contacts(Table):
     """[mm]."""
     placement: tuple[str, ...] | None = None
     tool: tuple[str, ...] | None = None
+    temperature: Float[np.ndarray, " contacts"] | None = None
+    """[degC], NaN where not read."""
 
 
 @dataclass(frozen=True, eq=False)

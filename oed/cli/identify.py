@@ -113,7 +113,7 @@ def identify(
     if json:
         print_json(summary(found) | {"refused": list(reasons)})
     else:
-        print(story(found, output if written else None))
+        print(story(found, output if written else None, measured))
     if reasons:
         kept = f"{output} was written all the same" if keep else "nothing was written; --keep writes it all the same"
         raise CalibrationFailed(f"this calibration must not be used: {'; '.join(reasons)}. {kept}")
@@ -173,6 +173,7 @@ def summary(c: "Calibration") -> dict[str, Any]:
         "scatter": c.scatter,
         "discrepancy": None if c.discrepancy is None else asdict(c.discrepancy),
         "faces": {s.name.removeprefix("face."): s.value for s in c.shared if s.unit == "mm" and s.name[:5] == "face."},
+        "shared": {s.name: [s.value / s.inside, sigma / s.inside] for s, sigma in c.named},
         "promise": None if c.promise is None else dict(c.promise),
         "fit": asdict(c.fit),
         "held_out": None if c.held_out is None else asdict(c.held_out),
@@ -182,7 +183,7 @@ def summary(c: "Calibration") -> dict[str, Any]:
     }
 
 
-def story(c: "Calibration", output: Path | None) -> str:
+def story(c: "Calibration", output: Path | None, measured: Sequence["Measured"] = ()) -> str:
     """The result as a person reads it; no `output` if nothing was written."""
     from identify.model.io.calibration_file import summarize
     from identify.uncertainty.promise import Promise
@@ -191,6 +192,7 @@ def story(c: "Calibration", output: Path | None) -> str:
     lines = [
         f"{len(c.estimated)} of {len(c.theta)} parameters estimated from {len(c.residuals)} measurements, "
         f"{c.iterations} iterations, {1000 * c.solve_s:.0f} ms",
+        *_kinds(measured),
         "",
         errors_table({"nominal robot, residuals": before, "fit (no accuracy)": c.fit, "regions held out": c.held_out}),
         "",
@@ -203,6 +205,7 @@ def story(c: "Calibration", output: Path | None) -> str:
         *_listed("eliminated", [_carried(name, terms) for name, terms in c.combinations.items()]),
         "",
         *_parameters(c),
+        *_shared(c),
         "",
         *ladder_lines(c),
         *_listed("promise for the zone", [] if c.promise is None else [str(Promise(**c.promise))]),
@@ -277,3 +280,29 @@ def _parameters(c: "Calibration") -> list[str]:
     if small:
         lines.append(f"{len(small)} joint errors are zero within their uncertainty; calibration.json holds them all")
     return lines
+
+
+def _kinds(measured: Sequence["Measured"]) -> list[str]:
+    """Measurements of each kind, and the further placements and tools that they name, if they are not touches alone."""
+    from identify.model.measurement import MEASUREMENTS
+
+    words = [
+        f"{len(table)} of kind {kind}"
+        + "".join(
+            f", {column} {', '.join(names)}"
+            for column in ("placement", "tool")
+            if (names := sorted({*(getattr(table, column) or ())} - {""}))
+        )
+        for table in measured
+        for kind, known in MEASUREMENTS.items()
+        if isinstance(table, known.table)
+    ]
+    return [] if all(" of kind touch" in w and "," not in w for w in words) else ["; ".join(words)]
+
+
+def _shared(c: "Calibration") -> list[str]:
+    """Further placements, tools and points with their 95 % intervals."""
+    return [
+        f"{f'{s.name} {s.unit}':28}{s.value / s.inside:12.4f}{'+-':>10}{1.96 * sigma / s.inside:11.4f}"
+        for s, sigma in c.named
+    ]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 MESHES = "meshes"  # folder beside the URDF
 Kind = Literal["cell", "robot", "jig"]
+Measure = Literal["touch", "tracker", "ballbar", "sockets"]
+KINDS = {"tracker": "position", "ballbar": "distance", "sockets": "contact"}  # that each of these measures
 SCHEMA = "cell.schema.json"
 FEW = 200  # touches that are searched for at a place of the base
 PAPER = "arc-welder"  # the paper's robot, which stands where the paper puts it
@@ -30,6 +32,7 @@ def init(
     urdf: Path | None = None,
     base_link: str | None = None,
     flange_link: str | None = None,
+    measure: Measure = "touch",
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Make a commented cell folder to start from.
@@ -41,6 +44,8 @@ def init(
         touchcal init mycell --robot irb120 --jig cube
 
         touchcal init mycell --robot fanuc_m10ia_support
+
+        touchcal init mycell --robot irb120 --measure ballbar
 
     Parameters
     ----------
@@ -56,10 +61,13 @@ def init(
         The link that the chain begins at; any of the URDF, if not the arm's own base.
     flange_link
         The link that carries the tool; any of the URDF, if not the arm's own flange.
+    measure
+        What measures: touch, a wire that touches the jig; tracker, positions of the tip; ballbar, distances of the tip
+        from anchors; sockets, in which a ball at the tip sits. The last three need no jig.
     force
         Overwrite a cell.yaml that is there already.
     """
-    from identify.model.io.template import cell_text
+    from identify.model.io.template import cell_text, measure_text
 
     if (directory / "cell.yaml").exists() and not force:
         raise InputError(f"{directory / 'cell.yaml'} is there already; choose another folder, or say --force")
@@ -75,11 +83,15 @@ def init(
         write_text(directory / source.name, _with_meshes(source, described, directory))
     if block_file is not None and block_file.resolve() != (directory / block_file.name).resolve():
         write_bytes(directory / block_file.name, read_bytes(block_file))
-    write_text(directory / "cell.yaml", cell_text(cell, words, block_source, notes, SCHEMA))
+    text = cell_text(cell, words, block_source, notes, SCHEMA)
+    if measure != "touch":
+        text = text.replace(f"jig: {block_source}\n", "") + measure_text(measure, cell)
+    write_text(directory / "cell.yaml", text)
     _write_beside(directory, described)
+    kind = f"\nand: touchcal plan --kinds {KINDS[measure]} --budget 20min" if measure != "touch" else ""
     print(
         f"wrote {directory}: measure base and tool in cell.yaml, read a few poses off the pendant into pendant.csv,\n"
-        f"then: touchcal check --cell {directory / 'cell.yaml'} --pendant {directory / 'pendant.csv'}"
+        f"then: touchcal check --cell {directory / 'cell.yaml'} --pendant {directory / 'pendant.csv'}{kind}"
     )
 
 

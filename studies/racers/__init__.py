@@ -1,6 +1,7 @@
 """One module a library of the race of `studies.peers`, run by `child.py` in an interpreter that may lack the others.
 
-A racer has METHODS: functions of a problem (arrays by name, see `peers_problems`) that return arrays by name, the `tip` at the unseen poses, or the `indices` and `weights` of the chosen rows. Only touchcal's own racer and the problems
+A racer has METHODS: functions of a problem (arrays by name, see `peers_problems`) that return arrays by name, the `tip`
+at the unseen poses, or the `indices` and `weights` of the chosen rows. Only touchcal's own racer and the problems
 import something of touchcal.
 
 In the order in which data walks through:

@@ -5,8 +5,8 @@ import pytest
 
 from identify.model.frames import transform
 from studies import jig
-from studies.jigs import two_places
 from studies.common import zone
+from studies.jigs import two_places
 from studies.many import draw_many
 
 

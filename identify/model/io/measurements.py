@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.files import Sheet, nearest, read_sheet
@@ -38,6 +39,7 @@ def read_measurements(path: Path | str, cell: Cell, *, trust_units: bool = False
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], known)
     refuse_plan(sheet)
     sheet.ids()
+    _check_payload(sheet, cell)
     kinds = _kinds(sheet)
     tables = [
         READERS[kind](_part(sheet, [k == kind for k in kinds]), cell, trust_units)
@@ -82,7 +84,8 @@ def _touches(sheet: Sheet, cell: Cell, trust_units: bool) -> Touches:
 
 def _positions(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
     part = positions_of(sheet, cell, trust_units)
-    return replace(part, placement=_names(sheet, "placement", cell.placements), tool=_names(sheet, "tool", cell.tools))
+    placement, tool = _names(sheet, "placement", cell.placements), _names(sheet, "tool", cell.tools)
+    return replace(part, placement=placement, tool=tool, temperature=_temperature(sheet))
 
 
 def _poses(sheet: Sheet, cell: Cell, trust_units: bool) -> Poses:
@@ -96,6 +99,7 @@ def _poses(sheet: Sheet, cell: Cell, trust_units: bool) -> Poses:
         np.radians(turn),
         _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
+        _temperature(sheet),
     )
 
 
@@ -111,6 +115,7 @@ def _distances(sheet: Sheet, cell: Cell, trust_units: bool) -> Distances:
         sigma_of(sheet, cell.sigma("distance")),
         _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
+        _temperature(sheet),
     )
 
 
@@ -122,6 +127,7 @@ def _contacts(sheet: Sheet, cell: Cell, trust_units: bool) -> Contacts:
         sigma_of(sheet, cell.sigma("contact")),
         _names(sheet, "placement", cell.placements),
         _names(sheet, "tool", cell.tools),
+        _temperature(sheet),
     )
 
 
@@ -145,6 +151,25 @@ def _names(sheet: Sheet, column: str, of_cell: Mapping[str, object]) -> tuple[st
             cure = f"add it to {column}s: as fit, or with its pose"
             sheet.wrong(row, f"{column} '{name}' is not in the cell{nearest(name, of_cell)}; {cure}")
     return tuple(names)
+
+
+def _temperature(sheet: Sheet) -> Float[np.ndarray, " rows"] | None:
+    """Temperatures [degC], NaN where a cell is empty; None if the file has no such column."""
+    return sheet.numbers("temperature_c", float("nan")) if "temperature_c" in sheet.columns else None
+
+
+def _check_payload(sheet: Sheet, cell: Cell) -> None:
+    """Every row was measured with one payload, that of the cell if it states one."""
+    if "payload_kg" not in sheet.columns:
+        return
+    payload = sheet.numbers("payload_kg", float("nan"))
+    given = payload[~np.isnan(payload)]
+    if not len(given):
+        return
+    known = cell.robot.payload[0] if cell.robot.payload else float(given[0])
+    for row in np.flatnonzero(np.abs(payload - known) > 1e-9).tolist():
+        text = f"payload_kg is {payload[row]:g}, other than {known:g}: the robot bends otherwise"
+        sheet.wrong(row, f"{text}; identify from measurements with one payload, that of payload: in cell.yaml")
 
 
 READERS: dict[str, Callable[[Sheet, Cell, bool], Measured]] = {

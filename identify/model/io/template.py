@@ -2,11 +2,15 @@
 
 from typing import Any
 
+import numpy as np
+
 from identify.model.cell import Cell
 from identify.model.io import schema
 from identify.model.io.document import line_text
 from identify.model.io.entries import pose_entry, priors_entry
 from identify.model.io.units import entry_of
+
+VIEW = 300.0  # [mm] around the zone, where a tracker sees the tip
 
 CELL = """\
 # yaml-language-server: $schema={schema}
@@ -43,6 +47,70 @@ jig: {jig}
 # The serial line: /dev/ttyUSB0, COM5, socket://192.168.0.5:5007; sim is the embedded virtual robot.
 {controller}
 """
+
+
+MEASURES = {
+    "tracker": """
+# What measures: a tracker reads where a target at the tip is, in the frame in which the base stands. Minutes that one
+# measurement takes, its scatter, and the box in which the tracker sees the target.
+measure:
+  position: {{minutes: 0.15, sigma_mm: 0.05, box_mm: {view}}}
+
+# Further targets on the tool and further stands of the tracker, each about where it is, or fit; a row of positions.csv
+# names them in the columns tool and placement.
+# tools: {{smr2: {{x_mm: 60, y_mm: 0, z_mm: 350}}}}
+# placements: {{second: fit}}
+""",
+    "ballbar": """
+# Where the ball bar or draw wire is anchored, and how well that is known. Three anchors fix the frame in which the base
+# and the zone stand; with two of them, it may turn about the line that joins them.
+points:
+  anchor_a: {first}
+  anchor_b: {second}
+  anchor_c: {third}
+
+# What measures: minutes that one distance takes, its scatter, the shortest and longest distance (the same for a bar of
+# fixed length), and how far the bar may lean from upright.
+measure:
+  distance: {{minutes: 0.25, sigma_mm: 0.02, range_mm: [300, 800], max_tilt_deg: 70}}
+""",
+    "sockets": """
+# Sockets in which the ball at the tip sits, and how well their places are known; fit, where nobody has measured one.
+# One known distance is the scale of everything: without it the robot could be smaller, and nothing would show it.
+points:
+  socket_a: {first}
+  socket_b: {second}
+  socket_c: {third}
+spacings:
+  - {{from: socket_a, to: socket_b, mm: {spacing}, sigma_mm: 0.02}}
+
+# What measures: minutes until the ball sits in a socket, the scatter, and how far the tool may lean from upright.
+measure:
+  contact: {{minutes: 1, sigma_mm: 0.05, max_tilt_deg: 60}}
+""",
+}
+"""What stands in the cell for devices other than a wire and a jig."""
+
+
+def measure_text(measure: str, cell: Cell) -> str:
+    """The part of cell.yaml for a device, with anchors and sockets at the foot of the zone."""
+    assert cell.zone is not None
+    low, high = cell.zone.box.T
+    view = np.stack([low - VIEW, high + VIEW], axis=1)
+    view[2, 0] = low[2]
+    third = np.array([low[0], high[1], low[2]])
+    corners = [np.append(corner[:2], low[2]) for corner in (low, high, third)]
+    places = [
+        dict(zip(("x_mm", "y_mm", "z_mm"), c.round().tolist(), strict=True)) | {"sigma_mm": 0.05} for c in corners
+    ]
+    first, second, third_place = (_line("point", place).partition(": ")[2] for place in places)
+    return MEASURES[measure].format(
+        view=_short(view.round().tolist()),
+        first=first,
+        second=second,
+        third=third_place,
+        spacing=f"{np.linalg.norm(corners[0] - corners[1]):.1f}",
+    )
 
 
 def cell_text(cell: Cell, robot: str, jig: str, notes: dict[str, str], schema_file: str) -> str:

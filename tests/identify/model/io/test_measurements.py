@@ -8,6 +8,7 @@ import pytest
 from identify.model.cell import Point
 from identify.model.files import InputError
 from identify.model.io.measurements import read_measurements
+from identify.model.measurement import rows
 from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
 
 JOINTS = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
@@ -101,3 +102,30 @@ def test_a_column_without_its_unit_is_not_passed_over(read):
     assert wrong(read, f"id,face,sigma,{JOINTS}\na,top-high,0.2,{Q}\n") == [
         (1, "column 'sigma' has no unit; write it as 'sigma_deg' or 'sigma_mm'")
     ]
+
+
+def test_rows_of_every_kind_may_say_how_warm_the_robot_was(read, cell):
+    header = f"id,face,x_mm,y_mm,z_mm,rz_deg,ry_deg,rx_deg,anchor,distance_mm,point,temperature_c,{JOINTS}\n"
+    tables = read(
+        header
+        + f"a,top-high,,,,,,,,,,31,{Q}\n"
+        + f"b,,1,2,300,,,,,,,32,{Q}\n"
+        + f"c,,4,5,600,90,0,-90,,,,33,{Q}\n"
+        + f"d,,,,,,,,pin,400,,34,{Q}\n"
+        + f"e,,,,,,,,,,pin,,{Q}\n"
+    )
+
+    made = rows(cell.wire, tables, 20.0, cell.places)
+
+    warmth = [made.conditions[made.owner == k, -1] for k in range(5)]
+    assert [len(part) for part in warmth] == [1, 3, 6, 1, 3]
+    assert [set(part.tolist()) for part in warmth] == [{11.0}, {12.0}, {13.0}, {14.0}, {0.0}]
+
+
+def test_payloads_that_differ_are_refused_with_their_lines(read, cell):
+    header = f"id,face,payload_kg,{JOINTS}\n"
+
+    assert len(read(header + f"a,top-high,5,{Q}\nb,top-high,,{Q}\nc,top-high,5,{Q}\n")[0]) == 3
+    ((line, text),) = wrong(read, header + f"a,top-high,5,{Q}\nb,top-high,7.5,{Q}\n")
+    assert line == 3
+    assert "payload_kg is 7.5, other than 5" in text
