@@ -6,7 +6,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from probe.controllers.grbl_words import Report, numbers, offset, read_report, refusal
+from probe.controllers.grbl_words import SAID, Report, numbers, offset, read_report, refusal
 from probe.line.clock import Clock
 from probe.line.controller import LinkLost, Rebooted, Refused
 from probe.line.framing import Lines
@@ -54,7 +54,7 @@ class GrblLink:
         began = asked = heard = self.clock.now()
         until = began + max(seconds, self.silence) + self.silence
         while True:
-            for text in self._listen(poll):
+            for text in filter(SAID.fullmatch, self._listen(poll)):  # anything else is noise
                 heard = self.clock.now()
                 if text == f"[MSG:{tag}]":
                     echoed = True

@@ -10,6 +10,7 @@ AXES = "XYZABCUVW"
 REPORT = re.compile(r"<(\w+)(?::\d+)?\|.*>")
 PROBE = re.compile(r"\[PRB:([-+.,\d]+):([01])\]")
 OFFSETS = re.compile(r"\[(G5[4-9]|G59\.[1-3]|G92|TLO):([-+.,\d]+)\]")
+SAID = re.compile(r"ok|error:\d+|ALARM:\d+|\$\d+=[-.\d]+|\[[\x20-\x7e]*\]|<[\x20-\x7e]*>")
 ALARMS = {
     "ALARM:1": ("UNHOMED", "hard limit, the position is lost"),
     "ALARM:2": ("LIMIT", "soft limit"),

@@ -9,9 +9,9 @@ from probe.line.transcript import Transport
 
 ENDS = re.compile(rb"[\r\n]+")  # it ends lines with CR LF, with LF CR, and with both
 VOID = "(\r\n"  # ends a request that was cut short so that it cannot run: half a line of G-code may be a motion, too
-GREETED = 3.0  # [s] on the wall: a person waits for this
+GREETED = 2.5  # [s] on the wall: a person waits for this
 LONGEST = 4096  # [bytes] of a line that has not ended: what came before is thrown away
-ANSWERED = 3.0  # [s] on the wall; it answers a `get` in 0.1 ms and a `set` in 0.1 to 0.2 s
+ANSWERED = 2.0  # [s] on the wall; it answers a `get` in 0.1 ms and a `set` in 0.1 to 0.2 s
 
 
 class Shell:

@@ -68,14 +68,14 @@ class Bench:
     def trial(self, seed: int, backend: str) -> "Trial":
         """One schedule, driven and judged."""
         folder = "/dev/shm" if Path("/dev/shm").is_dir() else None
-        with tempfile.TemporaryDirectory(dir=folder) as name, self._still(seed):
+        with tempfile.TemporaryDirectory(dir=folder) as name, self.still(seed):
             trial = Trial(self, Schedule.of(seed, backend), Path(name))
             trial.drive()
             trial.judge()
             return trial
 
     @contextmanager
-    def _still(self, seed: int) -> Iterator[None]:
+    def still(self, seed: int) -> Iterator[None]:
         """No waiting for the disk, no chance but the seed's, no work that was done in an earlier schedule."""
         chance = random.Random(seed)
 
@@ -123,7 +123,7 @@ class Trial:
             self.line.quiet = attempt >= RUNS - SOUND
             began = self.clock.t
             try:
-                self._once(Settings(search_speed=10.0, trust_position=attempt > 0, misses=9))
+                self.once(Settings(search_speed=10.0, trust_position=attempt > 0, misses=9))
                 self.finished = True
                 break
             except (TouchError, InputError) as error:
@@ -144,7 +144,8 @@ class Trial:
         self.found = list(self.oracle.violations(self.path, journal_path(self.path)))
         self.journal = journal_path(self.path).read_bytes()
 
-    def _once(self, settings: Settings) -> None:
+    def once(self, settings: Settings) -> None:
+        """One run."""
         bench, resume = self.bench, journal_path(self.path).exists()
         with Session(self.path, bench.cell, bench.plan, resume=resume, clock=self.clock) as session:
             controller = self.oracle.watch(self._controller())

@@ -61,6 +61,8 @@ class HostileLine:
         self._old: dict[str, deque[bytes]] = {"to": deque(maxlen=20), "from": deque(maxlen=20)}  # to be replayed
         self._late: list[tuple[float, bytes]] = []
         self._flood_until = self._hang_until = -1.0
+        self.happened_at = 0.0  # [s], of the last event
+        self.voice = ""  # of a port that is beside itself from now on: flood, trickle or mute
 
     def write(self, data: bytes) -> None:
         self._call()
@@ -71,6 +73,11 @@ class HostileLine:
 
     def read(self, timeout: float) -> bytes:
         self._call()
+        if self.voice in ("trickle", "mute"):
+            before = int(self.clock.t)
+            self.clock.t += timeout + 1e-3
+            self.device.read(0.0)
+            return b"<" * (int(self.clock.t) - before if self.voice == "trickle" else 0)
         if self.clock.t < self._flood_until:
             self.clock.t += 0.01
             self.device.follow()
@@ -118,11 +125,16 @@ class HostileLine:
         event = None if self.quiet else self.schedule.events.pop(self.calls, None)
         if event is not None:
             self.schedule.happened.append(f"{event}@{self.calls}")
+            self.happened_at = self.clock.t
             self._happen(event)
 
     def _happen(self, event: str) -> None:
         now = self.clock.t
         match event:
+            case "mute" | "trickle":
+                self.voice = event
+            case "deluge":
+                self._flood_until = FOREVER
             case "kill":
                 raise Killed
             case "interrupt":
