@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from identify.model.files import InputError, digest
+from identify.model.files import InputError, Mistake, digest
 
 if TYPE_CHECKING:
     from identify.model.cell import Cell
@@ -105,15 +105,35 @@ def only_touches(table: "Measured") -> "Touches":
 
 
 def _distinct(paths: Sequence[Path], tables: list["tuple[Measured, ...]"]) -> list["Measured"]:
-    """Ids that stand in several files are told apart by the name of their file."""
+    """Ids that stand in several files are told apart by the name of their file.
+
+    Raises InputError if one measurement stands in two files: it would count twice.
+    """
     ids = [name for of_file in tables for table in of_file for name in table.ids]
     if len(set(ids)) == len(ids):
         return [table for of_file in tables for table in of_file]
+    seen, mistakes = dict[tuple[object, ...], Path](), list[Mistake]()
+    for path, of_file in zip(paths, tables, strict=True):
+        rows = {(name, *row) for table in of_file for name, row in zip(table.ids, _rows(table), strict=True)}
+        if twice := sorted(str(row[0]) for row in rows if row in seen):
+            first = next(seen[row] for row in rows if row in seen)
+            text = f"'{twice[0]}' ({len(twice)} rows in all) stands in {first} too; give each measurement once"
+            mistakes.append(Mistake(str(path), 0, text))
+        seen |= dict.fromkeys(rows, path)
+    if mistakes:
+        raise InputError(mistakes)
+    short = len({path.stem for path in paths}) == len(paths)
     return [
-        replace(table, ids=tuple(f"{path.stem}:{name}" for name in table.ids))
+        replace(table, ids=tuple(f"{path.stem if short else path.with_suffix('')}:{name}" for name in table.ids))
         for path, of_file in zip(paths, tables, strict=True)
         for table in of_file
     ]
+
+
+def _rows(table: "Measured") -> list[tuple[object, ...]]:
+    """What was measured, a row a measurement."""
+    columns = [vars(table)[name] for name in ("q", "point") if name in vars(table)]
+    return [tuple(row) for row in np.column_stack(columns).tolist()]
 
 
 def load_cell(path: Path) -> "Cell":
