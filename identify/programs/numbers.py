@@ -3,7 +3,8 @@
 import re
 from dataclasses import dataclass
 
-NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])"
+# no coordinate has sixteen digits before its point, nor an exponent of three: such numbers are mistakes
+NUMBER = r"[+-]?(?:\d{1,15}(?!\d)\.?\d*|\.\d+)(?:[eE][+-]?\d{1,2})?(?![\w.])"
 WIDEST = 40
 MOST = 12  # decimals that are ever written
 _PARTS = re.compile(r"([+-]?)(\d*)\.?(\d*)(?:[eE]([+-]?\d+))?")
