@@ -88,6 +88,12 @@ class Surroundings:
         drawn = [_along(c.link, f"link {c.link}", c.start, c.end, c.radius) for c in self.robot.capsules]
         return [balls for balls in (*drawn, *_shapes(self.robot)) if 0 < balls.link < last]
 
+    def prepare(self) -> None:
+        """Sample the surfaces of the links, which takes seconds for some meshes: before anybody waits for an answer."""
+        if self.boxes or self.shapes:
+            for balls in self.arm:
+                _ = balls.spheres, balls.tree
+
     def torch(self, theta: Float[np.ndarray, " parameters"]) -> list[Balls]:
         """Nozzle and body behind the wire, where the tip truly is; a robot file's own last link in their place."""
         last = len(self.robot.joints)
