@@ -14,6 +14,8 @@ from probe.motion.clusters import clusters
 from probe.motion.distances import Boxes, Points, point_box, segment_box
 
 PROBE = 1.0  # [mm] before and behind the middle of a face, to find the solid that it belongs to
+THIN = 0.01  # [mm], of a plate, behind its face
+LOOKS = np.linspace(0.05, 0.95, 7)  # along both edges of a face, for a solid behind it
 PARTS = 32  # boxes around a mesh that stands still
 
 
@@ -59,12 +61,16 @@ class Obstacle:
 
 
 def obstacles(jig: Jig | None, others: Sequence[Shape] = ()) -> tuple[Obstacle, ...]:
-    """The solids of a jig and of the cell; a jig without solids is its faces, as plates: blind to what is inside."""
+    """The solids of a jig and of the cell, and the faces of the jig that no solid bears, as plates.
+
+    Such a face leans over a staircase of boxes, or belongs to a jig without solids: a plate is blind to what is inside.
+    """
     if jig is None:
         return tuple(_obstacle(shape) for shape in others)
     boxes = [Obstacle(np.array(box.lower), np.array(box.upper), name=f"box {i + 1}") for i, box in enumerate(jig.boxes)]
-    plates = [] if jig.boxes or jig.obstacles else [_plate(face) for face in jig.faces]
-    return (*boxes, *plates, *(_obstacle(shape) for shape in (*jig.obstacles, *others)))
+    solids = (*boxes, *(_obstacle(shape) for shape in jig.obstacles))
+    plates = [_plate(face) for face in jig.faces if not _borne(face, solids)]
+    return (*boxes, *plates, *solids[len(boxes) :], *(_obstacle(shape) for shape in others))
 
 
 def boxes_around(solids: Sequence[Obstacle]) -> tuple[Boxes, ...]:
@@ -96,10 +102,21 @@ def _obstacle(shape: Shape) -> Obstacle:
     )
 
 
+def _borne(face: Face, solids: Sequence[Obstacle]) -> bool:
+    """Whether there is a solid behind a face wherever one looks; a mesh bears the faces that lie on it."""
+    if any(solid.shape is not None and solid.shape.kind == "mesh" for solid in solids):
+        return True
+    s, t = (grid.ravel() for grid in np.meshgrid(LOOKS, LOOKS))
+    behind = (face.point(s, t) - PROBE * face.normal).T
+    return bool(solids) and bool((np.min([solid.point(behind) for solid in solids], axis=0) <= 0).all())
+
+
 def _plate(face: Face) -> Obstacle:
     axes = np.stack([face.u / face.size[0], face.v / face.size[1], face.normal])
     corner = axes @ face.origin
-    return Obstacle(corner, corner + np.array([*face.size, 0.0]), axes, f"face {face.name}")
+    return Obstacle(
+        corner - np.array([0.0, 0.0, THIN]), corner + np.array([*face.size, 0.0]), axes, f"face {face.name}"
+    )
 
 
 def owners(jig: Jig, solids: tuple[Obstacle, ...]) -> Bool[np.ndarray, "faces obstacles"]:
@@ -107,8 +124,7 @@ def owners(jig: Jig, solids: tuple[Obstacle, ...]) -> Bool[np.ndarray, "faces ob
     middle = np.stack([face.point(np.array(0.5), np.array(0.5)) for face in jig.faces])
     normal = np.stack([face.normal for face in jig.faces])
     behind, before = (middle - PROBE * normal).T, (middle + PROBE * normal).T
-    plates = not (jig.boxes or jig.obstacles)
-    near = [_owned(solid, behind, before, PROBE * plates) for solid in solids]
+    near = [_owned(solid, behind, before, PROBE * (solid.upper[2] - solid.lower[2] < PROBE)) for solid in solids]
     return np.stack(near, axis=1) if near else np.zeros((len(jig.faces), 0), dtype=bool)
 
 
