@@ -207,8 +207,13 @@ def unreached(feasibility: Feasibility, tally: Int[np.ndarray, "faces infeasibil
     """A sentence for every face on which no touch was found; `tally` counts what postures that reach it fail at."""
     empty = np.flatnonzero(tally[:, Infeasibility.NONE] == 0)
     leaning = tally[:, Infeasibility.TILT] == tally.sum(axis=1)  # or not reached at all
+    groups = dict[str, list[str]]()
+    for i in empty.tolist():
+        why = _unreached(feasibility, i) if leaning[i] else _refused(feasibility, i, tally[i])
+        groups.setdefault(why, []).append(f"'{feasibility.cell.the_jig.faces[i].name}'")
     return tuple(
-        _unreached(feasibility, i) if leaning[i] else _refused(feasibility, i, tally[i]) for i in empty.tolist()
+        f"face {names[0]} {why}" if len(names) == 1 else f"each of the faces {', '.join(names)} {why}"
+        for why, names in groups.items()
     )
 
 
@@ -219,7 +224,7 @@ def _refused(feasibility: Feasibility, i: int, counts: Int[np.ndarray, " infeasi
     shares = ", ".join(f"{counts[v] / counts.sum():.0%} {FAILURES[v]}" for v in most)
     face = feasibility.cell.the_jig.faces[i]
     narrow = f"; it is only {face.size.min():.0f} mm wide" if face.size.min() < 4 * EDGE else ""
-    return f"face '{face.name}' cannot be touched: of {counts.sum()} postures that reach it, {shares}{narrow}."
+    return f"cannot be touched: of {counts.sum()} postures that reach it, {shares}{narrow}."
 
 
 def _unreached(feasibility: Feasibility, i: int) -> str:
@@ -234,14 +239,14 @@ def _unreached(feasibility: Feasibility, i: int) -> str:
     near = found.residual < 0.01
     if not near.any():
         return (
-            f"face '{face.name}' is out of reach: the tip comes no nearer than {found.residual.min():.0f} mm; move the "
+            f"is out of reach: the tip comes no nearer than {found.residual.min():.0f} mm; move the "
             "jig or the base, or check their poses in cell.yaml."
         )
     if not (near & found.within_limits).any():
-        return f"face '{face.name}' is reached only beyond the joint limits of robot '{robot.name}'."
+        return f"is reached only beyond the joint limits of robot '{robot.name}'."
     _, R = cell.kinematics.tip(found.q[near & found.within_limits], feasibility.theta)
     tilt = np.degrees(np.arccos(np.clip(-R[:, :, 2] @ face.normal, -1, 1).max()))
     return (
-        f"face '{face.name}' is reached only with the wire about {tilt:.0f} degrees off its normal, more than "
+        f"is reached only with the wire about {tilt:.0f} degrees off its normal, more than "
         f"max_tilt_deg: {np.degrees(cell.touch.max_tilt):.0f}; turn the jig or bend the torch."
     )

@@ -91,8 +91,6 @@ def test_without_the_extra_capsules_are_judged_and_one_sentence_says_so(project,
 
 def test_a_plan_says_what_is_not_kept_clear(project, touchcal):
     (project / "meshes" / "fore.stl").unlink()
-    cell = project / "cell.yaml"
-    cell.write_text(cell.read_text().replace("length_mm: 0.5, angle_deg: 0.05", "length_mm: 3, angle_deg: 1"))
 
     code, out, _ = touchcal("plan", "-n", "30", "--strategy", "random", "--json")
 
