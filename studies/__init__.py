@@ -15,7 +15,6 @@ Its rooms, in the order in which data walks through:
     touches         How many touches does a tip error in the zone ask for, and does the plan foretell it?
     jigs            what the study of the jig is made of
     jig             Which jig: what is each face worth, where should it stand, and what does a second placement buy?
-    racing          a race: one problem, each racer in a process of its own
     racers          one module a library of the race
     peers           How do SciPy, figaroh, pybotics and cvxpy do on the same problems?
     beyond          Does the choice of joint errors find what a robot has, and nothing else?

@@ -39,7 +39,7 @@ from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, p
 from oed.design.relaxation import approximate_design
 from studies.engine import Table, column, distinct, where
 from studies.racers.peers_problems import QUESTIONS, candidates
-from studies.racing import race
+from studies.racers.racing import race
 
 ALONE = True  # one task at a time, in this process: clocks are read
 MEASURED = ("cpu_s", "first_s", "peak_mb", "runs", "result")

@@ -21,6 +21,7 @@ from oed.cli.options import (
     read_measured,
 )
 from oed.cli.screen.progress import progress
+from oed.cli.screen.unknowns import kind_lines, parameter_lines, shared_lines
 
 if TYPE_CHECKING:
     from identify.model.cell import Cell
@@ -92,7 +93,6 @@ def identify(
     keep
         Write the calibration even if it must not be used.
     """
-    from identify.estimation.calibrate import CalibrationFailed
     from identify.estimation.verdict import hypotheses, promised, refusals
     from identify.model.files import InputError
     from identify.model.io.calibration_file import write_calibration
@@ -107,13 +107,21 @@ def identify(
     reasons = refusals(found)
     if reasons:
         found = replace(found, findings=(*hypotheses(described, measured), *found.findings))
-    written = keep or not reasons
-    if written:
+    if keep or not reasons:
         write_calibration(output, found)
+    _report(found, measured, reasons, output, keep, json)
+
+
+def _report(
+    found: "Calibration", measured: Sequence["Measured"], reasons: Sequence[str], output: Path, keep: bool, json: bool
+) -> None:
+    """Print the result; raises CalibrationFailed if it must not be used."""
+    from identify.estimation.calibrate import CalibrationFailed
+
     if json:
         print_json(summary(found) | {"refused": list(reasons)})
     else:
-        print(story(found, output if written else None, measured))
+        print(story(found, output if keep or not reasons else None, measured))
     if reasons:
         kept = f"{output} was written all the same" if keep else "nothing was written; --keep writes it all the same"
         raise CalibrationFailed(f"this calibration must not be used: {'; '.join(reasons)}. {kept}")
@@ -192,7 +200,7 @@ def story(c: "Calibration", output: Path | None, measured: Sequence["Measured"] 
     lines = [
         f"{len(c.estimated)} of {len(c.theta)} parameters estimated from {len(c.residuals)} measurements, "
         f"{c.iterations} iterations, {1000 * c.solve_s:.0f} ms",
-        *_kinds(measured),
+        *kind_lines(measured),
         "",
         errors_table({"nominal robot, residuals": before, "fit (no accuracy)": c.fit, "regions held out": c.held_out}),
         "",
@@ -204,8 +212,8 @@ def story(c: "Calibration", output: Path | None, measured: Sequence["Measured"] 
         *_listed("weak, the tolerances tell more of", [f"{len(c.weak)} unknowns"] if len(c.weak) > WEAK else []),
         *_listed("eliminated", [_carried(name, terms) for name, terms in c.combinations.items()]),
         "",
-        *_parameters(c),
-        *_shared(c),
+        *parameter_lines(c),
+        *shared_lines(c),
         "",
         *ladder_lines(c),
         *_listed("promise for the zone", [] if c.promise is None else [str(Promise(**c.promise))]),
@@ -261,48 +269,3 @@ def _carried(name: str, terms: Any) -> str:
     if not terms:
         return f"{name} (no effect on the tip)"
     return f"{name} ({', '.join(f'{c:+.4g} {kept}' for kept, c in terms.items())})"
-
-
-def _parameters(c: "Calibration") -> list[str]:
-    """Changes and 95 % intervals of the estimated parameters; joint errors whose interval holds zero are counted."""
-    from identify.uncertainty.promise import INTERVAL
-
-    robot, unit = c.cell.robot, c.cell.robot.parameter_unit()
-    lines = [f"{'parameter':16}{'start':>12}{'identified':>12}{'change':>10}{'+- (95 %)':>11}"]
-    joint_errors = {parameter for parameter, _, _ in robot.error_parameters}
-    small = [i for i in c.index if robot.parameters[i] in joint_errors and abs(c.theta[i]) < INTERVAL * c.sigma[i]]
-    for i in sorted(set(c.index).difference(small)):
-        start, value, sigma = c.start[i] / unit[i], c.theta[i] / unit[i], c.sigma[i] / unit[i]
-        name = f"{robot.parameters[i]} {robot.units[i]}"
-        digits = robot.decimals[i]
-        numbers = ((start, 12), (value, 12), (value - start, 10), (INTERVAL * sigma, 11))
-        lines.append(f"{name:16}" + "".join(f"{x:{width}.{digits}f}" for x, width in numbers))
-    if small:
-        lines.append(f"{len(small)} joint errors are zero within their uncertainty; calibration.json holds them all")
-    return lines
-
-
-def _kinds(measured: Sequence["Measured"]) -> list[str]:
-    """Measurements of each kind, and the further placements and tools that they name, if they are not touches alone."""
-    from identify.model.measurement import MEASUREMENTS
-
-    words = [
-        f"{len(table)} of kind {kind}"
-        + "".join(
-            f", {column} {', '.join(names)}"
-            for column in ("placement", "tool")
-            if (names := sorted({*(getattr(table, column) or ())} - {""}))
-        )
-        for table in measured
-        for kind, known in MEASUREMENTS.items()
-        if isinstance(table, known.table)
-    ]
-    return [] if all(" of kind touch" in w and "," not in w for w in words) else ["; ".join(words)]
-
-
-def _shared(c: "Calibration") -> list[str]:
-    """Further placements, tools and points with their 95 % intervals."""
-    return [
-        f"{f'{s.name} {s.unit}':28}{s.value / s.inside:12.4f}{'+-':>10}{1.96 * sigma / s.inside:11.4f}"
-        for s, sigma in c.named
-    ]

@@ -75,10 +75,7 @@ def init(
     described, source, outward, words = _robot(robot, named, base_link, flange_link)
     block, block_file, block_source = _jig(jig)
     cell, notes = _first_cell(described, block, outward)
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{directory}: cannot be made: {error.strerror}; choose another folder") from None
+    _make(directory)
     if source is not None:
         write_text(directory / source.name, _with_meshes(source, described, directory))
     if block_file is not None and block_file.resolve() != (directory / block_file.name).resolve():
@@ -86,22 +83,29 @@ def init(
     text = cell_text(cell, words, block_source, notes, SCHEMA)
     if measure != "touch":
         text = text.replace(f"jig: {block_source}\n", "") + measure_text(measure, cell)
+    _write(directory, text, described, measure)
+
+
+def _make(directory: Path) -> None:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{directory}: cannot be made: {error.strerror}; choose another folder") from None
+
+
+def _write(directory: Path, text: str, robot: "Robot", measure: Measure) -> None:
+    """The cell, its schema and an empty table of poses; and what to do next."""
+    from identify.model.io.tables import POINT, joint_columns
+    from identify.pendant import EULER
+
     write_text(directory / "cell.yaml", text)
-    _write_beside(directory, described)
+    write_text(directory / SCHEMA, dumps(schema_of("cell"), indent=1) + "\n")
+    write_text(directory / "pendant.csv", ",".join(["id", *joint_columns(robot), *POINT, *EULER]) + "\n")
     kind = f"\nand: touchcal plan --kinds {KINDS[measure]} --budget 20min" if measure != "touch" else ""
     print(
         f"wrote {directory}: measure base and tool in cell.yaml, read a few poses off the pendant into pendant.csv,\n"
         f"then: touchcal check --cell {directory / 'cell.yaml'} --pendant {directory / 'pendant.csv'}{kind}"
     )
-
-
-def _write_beside(directory: Path, robot: "Robot") -> None:
-    """The schema of the cell, and an empty table of poses."""
-    from identify.model.io.tables import POINT, joint_columns
-    from identify.pendant import EULER
-
-    write_text(directory / SCHEMA, dumps(schema_of("cell"), indent=1) + "\n")
-    write_text(directory / "pendant.csv", ",".join(["id", *joint_columns(robot), *POINT, *EULER]) + "\n")
 
 
 def _robot(

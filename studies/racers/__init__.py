@@ -6,6 +6,7 @@ import something of touchcal.
 
 In the order in which data walks through:
 
+    racing         a race: one problem, each racer in a process of its own
     peers_problems  the problems of the race
     child          one method of one racer on one problem, again and again: answers, time and memory
     with_touchcal  ours, and SciPy's solver with our equations and derivatives

@@ -7,8 +7,8 @@ from identify.estimation.calibrate import calibrate
 from identify.model.measurement import measurement_model, rows
 from studies.racers import with_scipy
 from studies.racers.peers_problems import touches, tracker
+from studies.racers.racing import race
 from studies.racers.with_touchcal import cell_of, measured
-from studies.racing import race
 
 
 @pytest.mark.parametrize("question", [tracker, touches])

@@ -6,4 +6,5 @@ In the order in which data walks through:
     help      what `--help` prints
     progress  how far work has come
     live      touches as they are made
+    unknowns  what was measured and identified
 """

@@ -26,10 +26,10 @@ def race(racer: str, method: str, problem: Mapping[str, np.ndarray], seconds: fl
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / name for name in ("problem.npz", "answer.npz")]
         np.savez(files[0], **problem)  # type: ignore[arg-type]  # mypy takes it for allow_pickle
-        command = [_python(racer), str(HERE / "racers" / "child.py"), racer, method, *map(str, files), str(seconds)]
+        command = [_python(racer), str(HERE / "child.py"), racer, method, *map(str, files), str(seconds)]
         environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
         if racer == "with_touchcal":
-            environment["PYTHONPATH"] = str(HERE.parent)
+            environment["PYTHONPATH"] = str(HERE.parents[1])
         try:
             run = subprocess.run(
                 command, capture_output=True, text=True, env=environment, timeout=PATIENCE * seconds, check=False
