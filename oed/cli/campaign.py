@@ -118,5 +118,6 @@ def story(result: "Campaign", folder: Path) -> str:
     verdict = "reached" if result.reached else "NOT reached"
     return (
         f"{verdict} after {result.touches} touches: {result.why}\n"
-        f"wrote {folder / 'calibration.json'}; an accuracy comes from touches not used here: touchcal verify"
+        f"wrote {folder / 'calibration.json'}; an accuracy comes from touches not used here: "
+        f"touchcal plan --unseen --after {folder / 'calibration.json'} chooses them"
     )
