@@ -1,7 +1,8 @@
 """Whether a calibration may be used: if not, what is wrong and what to do."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -11,29 +12,22 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.measurement import Measured, Rows, equations
 from identify.model.zone import zone_poses
-from identify.uncertainty.promise import TipErrors, promise
+from identify.uncertainty.calibrated import tip_errors
+from identify.uncertainty.promise import promise
 
 ABSURD = 20.0  # times its sigma that no measurement scatters
 MOST = 0.25  # share of the measurements that may be left out
 OPEN = 100.0  # times the sigma of a touch that a promise may be
 STEPS = 25  # of a fit to a hypothesis
+QUARTERS = -90, 90, 180  # [deg], zeros that are tried
 BETTER = 0.1  # of the residuals that a hypothesis may leave, to be proposed
 
 
 def promised(c: Calibration) -> dict[str, float] | None:
-    """The promise of a calibration in its weld zone [mm]; None for a cell without zone and jig.
-
-    What the measurements scatter beyond their stated sigma may be the robot's, so it is part of the tip error.
-    """
+    """The promise of a calibration in its weld zone [mm]; None for a cell without zone and jig."""
     if c.cell.zone is None and c.cell.jig is None:
         return None
-    q = zone_poses(c.cell, c.theta)
-    value, vector = np.linalg.eigh(c.covariance)
-    J = c.cell.kinematics.tip_jacobian(q, c.theta)[1][:, :, c.index]
-    excess = c.cell.touch.sigma * np.sqrt(max(c.noise**2 - 1.0, 0.0))
-    own = np.broadcast_to(excess * np.eye(3), (len(q), 3, 3))
-    root = np.concatenate([(J @ vector) * np.sqrt(np.maximum(value, 0.0)), own], axis=2)
-    found = promise(TipErrors(root))
+    found = promise(tip_errors(c, zone_poses(c.cell, c.theta)))
     return {"rms_mm": found.rms_mm, "p95_mm": found.p95_mm}
 
 
@@ -72,55 +66,78 @@ def _refusals(c: Calibration) -> Iterator[str]:
 def hypotheses(cell: Cell, measured: Sequence[Measured]) -> tuple[Finding, ...]:
     """What would explain measurements that no robot near the drawing fits: a sign, a zero, a unit.
 
-    Each is tried by a fit of its own, and proposed if it leaves a tenth of the residuals.
+    Each is tried by a fit of its own, and proposed if it leaves a tenth of the residuals. Zeros that are off by less
+    than a quarter turn are estimated as they are.
     """
     recorded = equations(cell, measured)
-    _, before = _fit(cell, recorded)
-    ends = [(*_fit(cell, changed), finding) for changed, finding in _changed(cell, recorded)]
-    _, rms, (kind, what, cure) = min(ends, key=lambda end: end[0])
+    posed = _posed(cell, recorded)
+    before = _fit(cell, recorded, posed)[1]
+
+    def tried(some: Iterable[_Changed]) -> list[tuple[float, float, _Changed]]:
+        return [(*_fit(cell, changed.rows, posed), changed) for changed in some]
+
+    ends = tried((*_signs(cell, recorded), *_zeros(cell, recorded), *_units(recorded)))
+    _, rms, changed = min(ends, key=lambda end: end[0])
     if not rms < BETTER * before:
         return ()
     fall = f"fall from {before:.3g}" if np.isfinite(before) else "fall"
-    return (Finding(kind, f"{what}: the residuals {fall} to {rms:.3g} mm RMS; {cure}"),)
+    return (Finding(changed.kind, f"{changed.words}: the residuals {fall} to {rms:.3g} mm RMS; {changed.cure}"),)
 
 
-def _changed(cell: Cell, recorded: Rows) -> Iterator[tuple[Rows, tuple[str, str, str]]]:
-    """Rows as they would be by each hypothesis: its kind, what it says, and its cure."""
+@dataclass(frozen=True, eq=False)
+class _Changed:
+    """Rows as they would be by a hypothesis, what it says, and its cure."""
+
+    rows: Rows
+    kind: str
+    words: str
+    cure: str
+
+
+def _signs(cell: Cell, recorded: Rows) -> Iterator[_Changed]:
+    """One joint counts the other way."""
     for i, joint in enumerate(cell.robot.joints):
         turned = recorded.q * np.where(np.arange(recorded.q.shape[1]) == i, -1.0, 1.0)
-        yield (
-            replace(recorded, q=turned),
-            (
-                "joint sign",
-                f"joint {joint.name} seems to count the other way",
-                f"write joints: {{sign: {{{joint.name}: -1}}}} into cell.yaml",
-            ),
-        )
-        for degrees in () if joint.prismatic else (-90, 90, 180):
-            shifted = recorded.q + np.radians(degrees) * (np.arange(recorded.q.shape[1]) == i)
-            yield (
-                replace(recorded, q=shifted),
-                (
-                    "joint zero",
-                    f"joint {joint.name} seems to count from a zero {degrees} degrees off",
-                    f"write joints: {{zero_deg: {{{joint.name}: {degrees}}}}} into cell.yaml",
-                ),
-            )
+        words = f"joint {joint.name} seems to count the other way"
+        cure = f"write joints: {{sign: {{{joint.name}: -1}}}} into cell.yaml"
+        yield _Changed(replace(recorded, q=turned), "joint sign", words, cure)
+
+
+def _zeros(cell: Cell, recorded: Rows) -> Iterator[_Changed]:
+    """One turning joint counts from another zero."""
+    joints = [(i, joint) for i, joint in enumerate(cell.robot.joints) if not joint.prismatic]
+    for (i, joint), off in product(joints, QUARTERS):
+        shifted = recorded.q + np.radians(off) * (np.arange(recorded.q.shape[1]) == i)
+        words = f"joint {joint.name} seems to count from a zero {off} degrees off"
+        cure = f"write joints: {{zero_deg: {{{joint.name}: {off}}}}} into cell.yaml"
+        yield _Changed(replace(recorded, q=shifted), "joint zero", words, cure)
+
+
+def _units(recorded: Rows) -> Iterator[_Changed]:
+    """One column of positions holds metres."""
     axes = np.argmax(np.abs(recorded.normal), axis=1)
     if not any(recorded.face) and (np.abs(recorded.normal).max(axis=1) > 1 - 1e-12).all():
         for k, name in enumerate("xyz"):
-            scaled = np.where(axes == k, 1000.0, 1.0) * recorded.offset
-            yield (
-                replace(recorded, offset=scaled),
-                ("unit", f"column {name}_mm seems to hold metres", "write millimetres into it"),
-            )
+            scaled = replace(recorded, offset=np.where(axes == k, 1000.0, 1.0) * recorded.offset)
+            yield _Changed(scaled, "unit", f"column {name}_mm seems to hold metres", "write millimetres into it")
 
 
-def _fit(cell: Cell, recorded: Rows) -> tuple[float, float]:
-    """Objective, priors included, and RMS [mm] of the better three quarters, after some Levenberg-Marquardt steps."""
+def _posed(cell: Cell, recorded: Rows) -> Problem | None:
+    """The problem of all unknowns; None if there is none."""
     try:
-        problem = Problem.pose(cell, recorded, "linear", True, eliminate=False)
+        return Problem.pose(cell, recorded, "linear", True, eliminate=False)
     except (InputError, np.linalg.LinAlgError):
+        return None
+
+
+def _fit(cell: Cell, recorded: Rows, posed: Problem | None) -> tuple[float, float]:
+    """Objective, priors included, and RMS [mm] of the better three quarters, after some Levenberg-Marquardt steps.
+
+    A base or a tool that is to be fitted starts where these rows put it; else the unknowns are those of the problem.
+    """
+    fitted = posed is None or cell.base is None or cell.tool is None
+    problem = _posed(cell, recorded) if fitted else replace(posed, rows=recorded)  # type: ignore[type-var]
+    if problem is None:
         return np.inf, np.inf
     x, damping = np.zeros(problem.size), 1.0
     value, gradient, hessian = problem.objective.at(x)
