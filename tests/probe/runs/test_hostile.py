@@ -23,6 +23,20 @@ def test_no_schedule_makes_a_wrong_touch_or_a_wrong_motion(bench: Bench, backend
     assert {seed: texts for seed, texts in broken.items() if texts} == {}
 
 
+REPLAYED = {
+    "a motion that GRBL held, its reset lost on the line, kept every later run out": ("grbl", 141),
+    "a move that ended early where it began left no motion that was accepted": ("line", 995),
+    "so did the first look at a robot whose input stuck": ("line", 1176),
+}
+
+
+@pytest.mark.parametrize("defect", REPLAYED)
+def test_a_defect_that_a_schedule_has_shown_is_gone(bench: Bench, defect: str) -> None:
+    backend, seed = REPLAYED[defect]
+
+    assert bench.violations(seed, backend) == []
+
+
 @pytest.mark.parametrize("name", DEFECTS)
 def test_the_judge_sees_a_defect_that_is_planted_in_the_driver(bench: Bench, name: str) -> None:
     defect = DEFECTS[name]
