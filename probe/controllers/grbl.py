@@ -13,6 +13,7 @@ settings are never written; `$X` and `$H` only on request.
 """
 
 import secrets
+from contextlib import suppress
 
 import numpy as np
 from jaxtyping import Float
@@ -32,7 +33,7 @@ from probe.controllers.grbl_words import (
     trigger,
 )
 from probe.line.clock import Clock
-from probe.line.controller import Contact, Latch, LinkLost, NoContact, Refused, State
+from probe.line.controller import Contact, Latch, LinkLost, NoContact, Rebooted, Refused, State
 from probe.line.transcript import Transport
 from probe.line.watch import Watch
 
@@ -172,6 +173,10 @@ class Grbl:
             self.link.patiently(self.link.halt)
             self.link.same_boot()
             raise Refused("NOTREACHED", "the line broke, and with it the answer") from None
+        except Rebooted:  # just before the motion: the offset is forgotten, and the motion leads to zero
+            with suppress(LinkLost, Refused):
+                self.link.patiently(self.link.halt)
+            raise
         heard = [probe.text for line in said if (probe := read_probe(line, self.joints))]
         for line in said:
             if (refused := refusal(line)) is not None and not (line == SAME_PLACE and heard):

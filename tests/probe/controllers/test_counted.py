@@ -7,6 +7,7 @@ import pytest
 
 from identify.model.joint_counting import JointCounting
 from probe.controllers import open_controller
+from probe.line.clock import Clock
 from probe.virtual.server import serve
 from probe.virtual.truth import draw_truth
 
@@ -24,7 +25,7 @@ def test_the_line_carries_the_controllers_numbers_and_the_arm_goes_where_the_mod
     truth = draw_truth(counted, np.random.default_rng(3), scale=0.1)
     start = np.zeros(6)
     with serve(counted, truth, protocol=protocol, speed=np.inf, start=start) as served:
-        controller = open_controller(served.url, protocol, counted.robot)
+        controller = open_controller(served.url, protocol, counted.robot, clock=Clock(robot=served.clock.now))
 
         before = controller.state().q
         arrived = controller.move(TARGET, np.radians(20.0))

@@ -51,12 +51,21 @@ class Bench:
         return [motion.kind for motion in self.served.robot.executed]
 
 
+def clock_of(served: VirtualCell) -> Clock:
+    """The clock of a driver before a cell whose time jumps over motions."""
+    return Clock(robot=served.clock.now)
+
+
+def opened(served: VirtualCell, cell: Cell, **options: object) -> Controller:
+    return open_controller(served.url, "grbl", cell.robot, clock=clock_of(served), axis_unit_deg=UNIT, **options)
+
+
 @contextmanager
 def bench_of(cell: Cell, plan: Plan, truth: Truth, *faults: str, **options: object) -> Iterator[Bench]:
     with serve(
         cell, truth, protocol="grbl", speed=float("inf"), start=plan.approach[0], axis_unit_deg=UNIT, faults=faults
     ) as served:
-        clock = Clock(robot=served.clock.now)  # the robot's time jumps
+        clock = clock_of(served)
         controller = open_controller(served.url, "grbl", cell.robot, clock=clock, axis_unit_deg=UNIT, **options)
         try:
             yield Bench(served, controller, plan)
@@ -284,9 +293,11 @@ def test_a_machine_behind_an_alarm_is_not_moved_but_unlocked_on_request(cell: Ce
         bench.controller.close()
         bench.served.robot.health.estop = False
         with pytest.raises(InputError, match="locked by an alarm: home it, or unlock it"):
-            open_controller(bench.served.url, "grbl", cell.robot, axis_unit_deg=UNIT)
+            opened(bench.served, cell)
 
-        again = open_controller(bench.served.url, "grbl", cell.robot, axis_unit_deg=UNIT, unlock=True)
+        again = open_controller(
+            bench.served.url, "grbl", cell.robot, clock=clock_of(bench.served), axis_unit_deg=UNIT, unlock=True
+        )
 
         assert again.state().homed
         again.close()
@@ -337,7 +348,9 @@ def quirky(cell: Cell, plan: Plan, truth: Truth) -> Iterator[Bench]:
         with bench.served.lock:
             bench.served.controller.quirks = frozenset({"tool-change", "late-idle", "same-place"})  # type: ignore[attr-defined]
             bench.served.controller.restart()
-        bench.controller = open_controller(bench.served.url, "grbl", cell.robot, axis_unit_deg=UNIT)
+        bench.controller = open_controller(
+            bench.served.url, "grbl", cell.robot, clock=clock_of(bench.served), axis_unit_deg=UNIT
+        )
         yield bench
 
 
@@ -352,14 +365,16 @@ def test_a_boot_is_known_again_where_a_tool_is_taken_over_by_m6_only(quirky: Ben
     boot = quirky.controller.state().boot
     quirky.controller.close()
 
-    again = open_controller(quirky.served.url, "grbl", cell.robot, axis_unit_deg=UNIT)
+    again = opened(quirky.served, cell)
 
     assert again.state().boot == boot
     assert boot.startswith("S")
     again.close()
     with quirky.served.lock:
         quirky.served.controller.restart()
-    restarted = open_controller(quirky.served.url, "grbl", cell.robot, axis_unit_deg=UNIT)
+    restarted = open_controller(
+        quirky.served.url, "grbl", cell.robot, clock=clock_of(quirky.served), axis_unit_deg=UNIT
+    )
     assert restarted.state().boot != boot
     restarted.close()
 
@@ -435,7 +450,7 @@ def test_a_target_that_cannot_be_checked_is_driven_to_slowly(cell: Cell, plan: P
         bench.controller.close()
         with bench.served.lock:
             bench.served.controller.quirks = frozenset({"no-offset"})  # type: ignore[attr-defined]
-        slow = open_controller(bench.served.url, "grbl", cell.robot, axis_unit_deg=UNIT)
+        slow = opened(bench.served, cell)
         slow.move(bench.start + np.radians([0, -1.0, 0, 0, 0, 0]), np.radians(30.0))
 
         with bench.served.lock:

@@ -25,6 +25,7 @@ def test_no_schedule_makes_a_wrong_touch_or_a_wrong_motion(bench: Bench, backend
 
 REPLAYED = {
     "a motion that GRBL held, its reset lost on the line, kept every later run out": ("grbl", 141),
+    "a GRBL that started anew just before a motion had forgotten its target": ("grbl", 445),
     "a move that ended early where it began left no motion that was accepted": ("line", 995),
     "so did the first look at a robot whose input stuck": ("line", 1176),
 }
