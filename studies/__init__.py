@@ -1,5 +1,4 @@
 """Questions, each answered by one script: what it asks, how, and what came out, with numbers.
-
 Its front, loaded when used: `Study.named(name)`, `evaluate(study, folder)`, `write_results(study, table, folder)`.
 
 Its rooms, in the order in which data walks through:
