@@ -1,6 +1,6 @@
 """Questions, each answered by one script: what it asks, how, and what came out, with numbers.
-Its front, loaded when used: `Study.named(name)`, `evaluate(study, folder)`, `write_results(study, table, folder)`.
 
+Its front, loaded when used: `Study.named(name)`, `evaluate(study, folder)`, `write_results(study, table, folder)`.
 Its rooms, in the order in which data walks through:
 
     engine          a study run: tasks on this machine or on a cluster, each finished one on disk
