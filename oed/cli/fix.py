@@ -30,21 +30,15 @@ def fix(
     A program is corrected whole or not at all: if one of its points cannot be corrected, no copy is written, the point
     is named, and the exit code is 1. Every byte but the numbers stays. Beside the copies stands corrections.diff. Give
     files that belong together (.dat and .src, modules that share tools) in one call. Frames and tools decide
-    everything: state them with --setup, a backup of the controller or a YAML file like
+    everything: state them with --setup, a backup of the controller or a YAML file of lines like
 
-        frames: {1: {x_mm: 800, y_mm: 0, z_mm: 400, rz_deg: 90}}
-
-        tools: {3: {z_mm: 410, ry_deg: -18}}
-
-        joints: {coupled: true}
+        frames: {1: {x_mm: 800, z_mm: 400, rz_deg: 90}}
 
         fixed_to: jig
 
-    whose last line says what stays: the place of the jig (and of frames measured on it), or robot, the base. Examples:
+    (or robot, where points stand with its base), and tools:, joints: {coupled: true}. For example:
 
         touchcal fix calibration.json SEAM.LS --setup sysframe.va -o corrected
-
-        touchcal fix calibration.json SEAM.JBI --setup setup.yaml --diff
 
     Parameters
     ----------

@@ -126,8 +126,6 @@ class VirtualCell:
         self._log = Log(log, self.robot) if log else None
         self._stopping = threading.Event()
 
-    # --- the loop ------------------------------------------------------------------------------------------------
-
     def run(self) -> None:
         """Serve until `stop`."""
         try:
@@ -203,8 +201,6 @@ class VirtualCell:
     def _pace(self, data: bytes) -> None:
         if self.baud and not self.clock.jumps:
             time.sleep(len(data) * BITS / self.baud / self.clock.speed)
-
-    # --- mishaps -------------------------------------------------------------------------------------------------
 
     def _noted(self) -> None:
         """See to the faults of a motion that has begun, and to the log."""
