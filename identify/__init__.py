@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from identify.model.touch import Positions as Positions
     from identify.model.touch import Touches as Touches
     from identify.programs.fixing import fix as fix
-    from identify.uncertainty.calibrated import zone_promise as zone_promise
+    from identify.uncertainty.posterior import zone_promise as zone_promise
     from identify.uncertainty.promise import Promise as Promise
     from identify.workpiece.localization import locate as locate
 

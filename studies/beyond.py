@@ -19,9 +19,9 @@ from jaxtyping import Float
 from identify.estimation.folds import regions
 from identify.estimation.selection import Linear, choose, with_errors
 from identify.model.cell import Cell, Wire
-from identify.model.errors import ERROR_MODELS
 from identify.model.identifiability import structure
 from identify.model.io.description import library, read_robot
+from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import Rows, measurement_model
 from identify.report.svg import AFTER, BEFORE, Chart, axis, named, picture
 from studies.engine import Table, column, distinct, where

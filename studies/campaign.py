@@ -38,7 +38,7 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import Chart, axis, colour, picture
-from identify.uncertainty.calibrated import zone_promise
+from identify.uncertainty.posterior import zone_promise
 from oed.campaigns.campaign import LONGEST, campaign
 from oed.campaigns.stages import Campaign, Job
 from oed.planning.plan import COUNT, plan

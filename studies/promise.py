@@ -26,7 +26,7 @@ from identify.model.robot import Robot
 from identify.model.touch import HIT, Plan, Touches
 from identify.model.zone import zone_poses
 from identify.report.svg import AFTER, OUT, Chart, logarithmic, picture
-from identify.uncertainty.calibrated import posterior, zone_promise
+from identify.uncertainty.posterior import posterior, zone_promise
 from oed.planning.plan import COUNT, plan
 from studies.common import FEW, arc_welder
 from studies.engine import Table, column, distinct, where

@@ -35,7 +35,7 @@ from identify.model.touch import Touches
 from identify.model.urdf.chain import read_urdf
 from identify.model.zone import zone_poses
 from identify.report.svg import AFTER, OUT, Chart, logarithmic, picture
-from identify.uncertainty.calibrated import zone_promise
+from identify.uncertainty.posterior import zone_promise
 from oed.planning.kinds import plan_kinds
 from oed.planning.plan import plan
 from probe.virtual.readings import draw_named, readings

@@ -3,7 +3,7 @@
 In the order in which data walks through:
 
     initial_guess     a closed-form start for a base and a tool that nobody measured
-    further_guess     a start for further placements, tools and points that are to be fitted
+    placement_guess   a start for further placements, tools and points that are to be fitted
     gauge             directions that are a choice of frame, and whether any length is known
     problem           the least squares problem of a cell and its touches
     ipopt             Ipopt for many unknowns, compiled once a size
@@ -15,7 +15,7 @@ In the order in which data walks through:
     folds             regions of space to hold out
     selection         which joint errors the touches show
     discrepancy       how large joint errors and noise are on this arm, by regions left out, averaged
-    joint_errors      the estimate with all joint errors at once
+    all_joint_errors  the estimate with all joint errors at once
     face_association  the most probable robot while the touches alone do not determine it
     diagnosis         causes that residuals show: joints read too early, drift, a wire cut between touches
     calibrate         from touches to a Calibration

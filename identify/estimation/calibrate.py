@@ -7,12 +7,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from identify.estimation.all_joint_errors import JointErrors, with_joint_errors
 from identify.estimation.diagnosis import diagnose
 from identify.estimation.edges import without_doubtful
 from identify.estimation.faces import face_findings, with_jig_as_it_is
 from identify.estimation.folds import regions
 from identify.estimation.gauge import gauge_words, require_scale
-from identify.estimation.joint_errors import JointErrors, with_joint_errors
 from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, estimate, scatter
 from identify.estimation.selection import select, with_errors

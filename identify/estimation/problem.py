@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identify.estimation.further_guess import with_further
 from identify.estimation.gauge import without_gauge
 from identify.estimation.initial_guess import starting_point
 from identify.estimation.least_squares import LOSSES, LeastSquares, Objective, Part, Solution
+from identify.estimation.placement_guess import with_further
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import (

@@ -19,8 +19,8 @@ from identify.estimation.least_squares import LOSSES
 from identify.estimation.problem import PART, Problem
 from identify.estimation.robust import estimate
 from identify.model.cell import Cell
-from identify.model.errors import ERROR_MODELS
 from identify.model.io.calibration_file import Term
+from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import Rows
 from identify.model.robot import Robot
 from identify.uncertainty.unknowns import Unknowns

@@ -12,7 +12,7 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.measurement import Measured, Rows, equations
 from identify.model.zone import zone_poses
-from identify.uncertainty.calibrated import tip_errors
+from identify.uncertainty.posterior import tip_errors
 from identify.uncertainty.promise import promise
 
 ABSURD = 20.0  # times its sigma that no measurement scatters

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from identify.export.formats import Format, Forward, Original
 from identify.model.frames import transform
 from identify.model.io.calibration_file import Calibration
-from identify.model.io.counting import counting_entry
 from identify.model.io.entries import pose_entry, pose_of, robot_entry, robot_of
+from identify.model.io.joint_counting import counting_entry
 from identify.model.io.schema import PoseEntry, RobotFile
 from identify.model.kinematics import Kinematics
 

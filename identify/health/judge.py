@@ -13,7 +13,7 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Touches
-from identify.uncertainty.calibrated import posterior
+from identify.uncertainty.posterior import posterior
 
 LEAST = 6  # touches of a check
 ALARM = 0.01  # chance that a robot which has not changed is said to have

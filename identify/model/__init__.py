@@ -9,7 +9,7 @@ In the order in which data walks through:
     frames           rigid transforms as 4 x 4 matrices, R = Rz Ry Rx
     meshes           triangles from STL and OBJ files
     shape            solids that move with the links of a robot
-    errors           models of joint errors: one function and one row of ERROR_MODELS each
+    joint_error_models  models of joint errors: one function and one row of ERROR_MODELS each
     joint            one joint of a serial robot, its five link parameters, and the capsule around a link
     joint_counting   how a controller counts the joints: signs, zeros, couplings, pulses
     robot            a serial robot: its joints, and the names of all parameters

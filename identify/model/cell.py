@@ -183,7 +183,7 @@ class Cell:
         """Sizes of the error parameters, in inside units."""
         if not self.robot.errors:
             return []
-        from identify.model.errors import SIZES
+        from identify.model.joint_error_models import SIZES
 
         sizes = [(key, SIZES[key]) for _, key, _ in self.robot.error_parameters]
         return [self.priors.errors.get(key, size.usual) * size.inside for key, size in sizes]

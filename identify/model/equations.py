@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.compiled.batch import Mapped, compiled
-from identify.model.errors import CONDITIONAL, conditions
+from identify.model.joint_error_models import CONDITIONAL, conditions
 from identify.model.kinematics import AXIS, ONE, POINT, ZERO, jig_T_tip, symbols
 from identify.model.robot import Robot
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from identify.model.compiled.batch import Mapped, compiled
-from identify.model.errors import Deflected, deflected
+from identify.model.joint_error_models import Deflected, deflected
 from identify.model.robot import Robot
 
 

@@ -49,7 +49,9 @@ class Robot:
         """Name, key of its size, and model of every error parameter."""
         if not self.errors:
             return ()
-        from identify.model.errors import parameters  # CasADi, which a robot without error models need not load
+        from identify.model.joint_error_models import (
+            parameters,  # CasADi, which a robot without error models need not load
+        )
 
         return parameters(self)
 
@@ -85,7 +87,7 @@ class Robot:
     def _error_units(self) -> tuple[tuple[str, float], ...]:
         if not self.errors:
             return ()
-        from identify.model.errors import SIZES
+        from identify.model.joint_error_models import SIZES
 
         return tuple((SIZES[size].unit, SIZES[size].inside) for _, size, _ in self.error_parameters)
 

@@ -10,13 +10,13 @@ In the order in which data walks through:
     kuka_frames  which tool and base hold for a KUKA position
     kuka         KUKA programs (.dat, .src)
     abb_data     aggregates of RAPID with the place of every number
-    abb_uses     which tool and work object a RAPID target is used with
+    abb_frames   which tool and work object a RAPID target is used with
     abb          ABB RAPID modules (.mod)
     yaskawa      Yaskawa jobs (.JBI)
     makers       the table of makers: one row each
     backups      frames and tools in what controllers back up
     setup        what a program does not say: frames, tools, how joints are counted
-    places       frames and tools of positions
+    frames_and_tools  frames and tools of positions
     posture      in which posture a nominal robot reaches a position
     correction   positions that bring the identified robot where the program wants it
     orientation  the nearest of all ways to write an orientation

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from identify.programs.abb_data import Aggregate, aggregates, numbers_of
-from identify.programs.abb_uses import Declared, Uses, declared, uses
+from identify.programs.abb_frames import Declared, Uses, declared, uses
 from identify.programs.records import Found, Maker, Mention, Postures, Record
 from identify.programs.setup import Setup
 from identify.programs.source import Source, blanked

@@ -12,8 +12,8 @@ from identify.compensation.compensate import Compensation, believed, compensate,
 from identify.model.frames import inverse, pose, transform
 from identify.model.ik import within
 from identify.model.io.calibration_file import Calibration
+from identify.programs.frames_and_tools import Place, places
 from identify.programs.orientation import euler_near, from_euler, from_quaternion, quaternion_near
-from identify.programs.places import Place, places
 from identify.programs.posture import Choice, Chooser, Fits
 from identify.programs.records import Maker, Postures, Record
 from identify.programs.setup import Setup, counting

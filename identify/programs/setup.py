@@ -23,9 +23,9 @@ from pydantic import Field
 
 from identify.model.files import InputError, Mistake
 from identify.model.frames import transform
-from identify.model.io.counting import counting_mistakes, counting_of
 from identify.model.io.document import Document, load
 from identify.model.io.entries import pose_of
+from identify.model.io.joint_counting import counting_mistakes, counting_of
 from identify.model.io.schema import JointsEntry, Number, PoseEntry, Strict
 from identify.model.joint_counting import AS_MODEL, JointCounting
 from identify.model.robot import Robot

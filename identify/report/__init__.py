@@ -5,7 +5,7 @@ In the order in which data walks through:
     svg     charts as inline SVG
     scene   jig, zone, touches and robot as plain data for the 3-D view
     charts  the numbers of a calibration as charts
-    beyond  joint errors that the touches chose, and causes that residuals show
+    findings  joint errors that the touches chose, and causes that residuals show
     ladder  what each way of applying the calibration gives
     page    one self-contained page, its tables and its 3-D view
     certificate  head and foot of a report: who, when, with what, and lines to sign

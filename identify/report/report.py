@@ -11,8 +11,8 @@ from identify.model.io.calibration_file import Calibration, Errors, summarize
 from identify.model.measurement import Measured
 from identify.model.touch import Touches
 from identify.report import charts
-from identify.report.beyond import chosen, findings
 from identify.report.certificate import Issue, foot, head
+from identify.report.findings import chosen, findings
 from identify.report.history import history
 from identify.report.ladder import ways
 from identify.report.page import folded, page, table, view

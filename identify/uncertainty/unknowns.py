@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from identify.model.cell import Cell
 from identify.model.jig import Face
 from identify.model.measurement import Rows, measurement_model
-from identify.uncertainty.named import Named, columns, named, placed
+from identify.uncertainty.named_unknowns import Named, columns, named, placed
 
 STICKOUT = 2.0  # [mm], 1 sigma by which a wire that was cut sticks out more or less than before
 

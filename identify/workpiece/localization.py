@@ -14,7 +14,7 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.jig import Jig
 from identify.model.measurement import rows
 from identify.model.touch import Touches
-from identify.uncertainty.calibrated import posterior
+from identify.uncertainty.posterior import posterior
 from identify.workpiece.placement import Contacts, Placement, outside, settle, starts, unseen
 
 FREEDOMS = 6

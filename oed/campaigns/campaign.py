@@ -14,8 +14,8 @@ from identify.model.identifiability import structure
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import HIT, Plan, Touches, joined
 from identify.model.zone import zone_poses
-from identify.uncertainty.calibrated import tip_errors
 from identify.uncertainty.information import Information
+from identify.uncertainty.posterior import tip_errors
 from identify.uncertainty.promise import TipErrors, worst_deviation
 from identify.uncertainty.unknowns import Unknowns
 from oed.campaigns.more_touches import MoreTouches

@@ -25,7 +25,7 @@ from identify.model.io.tables import positions_text, read_positions, read_touche
 from identify.model.touch import Plan, Positions, Touches, joined
 from identify.model.zone import zone_poses
 from identify.report.report import report
-from identify.uncertainty.calibrated import zone_promise
+from identify.uncertainty.posterior import zone_promise
 from oed.campaigns.campaign import SPARE, campaign
 from oed.campaigns.connection import SIM, Connection
 from oed.campaigns.folder import Folder, only_one, over_port

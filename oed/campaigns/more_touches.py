@@ -10,8 +10,8 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.measurement import rows
 from identify.model.touch import Touches
 from identify.model.zone import zone_poses
-from identify.uncertainty.calibrated import posterior, zone_promise
 from identify.uncertainty.information import Information
+from identify.uncertainty.posterior import posterior, zone_promise
 from identify.uncertainty.promise import TipErrors, promise
 
 OFTEN = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 4096.0)  # times that the touches may be made

@@ -9,5 +9,5 @@ In the order in which data walks through:
     hits          what robots that may be off meet with a search
     candidates    contact points, wire, joint values of contact and approach
     kinds         positions, poses, distances and contacts that can be measured
-    even          points spread evenly over the faces, and random ones
+    baselines     points spread evenly over the faces, and random ones
 """

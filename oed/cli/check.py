@@ -118,7 +118,7 @@ def _sides(cell: "Cell") -> str:
 
 
 def _entry(cell: "Cell", counting: "JointCounting") -> dict[str, Any]:
-    from identify.model.io.counting import counting_entry
+    from identify.model.io.joint_counting import counting_entry
 
     return counting_entry(counting, [joint.name for joint in cell.robot.joints])
 

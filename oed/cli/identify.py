@@ -66,19 +66,20 @@ def identify(
     Files are CSV with a header; a row is of the kind whose columns it fills. Every row needs id and the joints q1_deg
     to q6_deg (q1_mm where a joint slides), as the controller counts them, and
 
-        a touch      face, or nx, ny, nz, offset_mm of a plane
+        a touch     face, or nx, ny, nz, offset_mm
 
-        a position   x_mm, y_mm, z_mm of the tip, in the jig frame
+        a position  x_mm, y_mm, z_mm of the tip
 
-        a pose       those, and rz_deg, ry_deg, rx_deg
+        a pose      these, and rz_deg, ry_deg, rx_deg
 
-        a distance   anchor, distance_mm: from a point of the cell file to the tip
+        a distance  anchor, distance_mm
 
-        a contact    point: the tip is in this point of the cell file
+        a contact   point
 
-    It may have sigma_mm (its scatter; that of the cell file if not given), status (rows other than hit are passed
-    over), placement and tool (others than the first of the cell file), temperature_c, payload_kg and note. Touches
-    that disagree with all others are named and left out. Examples:
+    Positions and planes stand in the jig frame; anchor and point are points: of the cell file, whose distance from
+    the tip was measured, or in which the tip was. A row may have sigma_mm (its scatter; that of the cell file if not
+    given), status (rows other than hit are passed over), placement and tool (others than the first of the cell file),
+    temperature_c, payload_kg and note. Touches that disagree with all others are named and left out. Examples:
 
         touchcal identify touches.csv positions.csv -o calibration.json
 
@@ -152,8 +153,8 @@ def _calibrated(
 
 def _with_errors(cell: "Cell", errors: str) -> "Cell":
     """The cell with the error models that an option names."""
-    from identify.model.errors import ERROR_MODELS
     from identify.model.files import InputError, nearest
+    from identify.model.joint_error_models import ERROR_MODELS
 
     if errors in {"cell", "auto"}:
         return cell

@@ -11,9 +11,9 @@ from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
-from identify.uncertainty.calibrated import posterior
 from identify.uncertainty.coordinates import Coordinates, of_all_unknowns, of_identifiable
 from identify.uncertainty.information import Information, prior_information
+from identify.uncertainty.posterior import posterior
 from identify.uncertainty.promise import Promise, TipErrors, promise
 from oed.candidates.candidates import COUNT, STRUCTURED, Candidates, candidates
 from oed.candidates.feasibility import Feasibility

@@ -11,9 +11,9 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
-from identify.uncertainty.calibrated import posterior
 from identify.uncertainty.coordinates import Coordinates
 from identify.uncertainty.information import Information
+from identify.uncertainty.posterior import posterior
 from oed.planning.candidate_set import CandidateSet, around, plan_of
 from oed.planning.workpiece import best_in_order
 from probe.motion.roadmap import with_via

@@ -13,10 +13,10 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.measurement import Measured, rows, spacing_rows
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
-from identify.uncertainty.calibrated import posterior
 from identify.uncertainty.coordinates import of_all_unknowns, of_identifiable
 from identify.uncertainty.information import Information, prior_information
-from identify.uncertainty.named import named
+from identify.uncertainty.named_unknowns import named
+from identify.uncertainty.posterior import posterior
 from identify.uncertainty.promise import Promise, TipErrors, promise
 from oed.candidates.edge_margins import SIGMAS
 from oed.candidates.kinds import measurements, planned_cell

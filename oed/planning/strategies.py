@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from identify.uncertainty.coordinates import Coordinates
+from oed.candidates.baselines import even
 from oed.candidates.candidates import Candidates
-from oed.candidates.even import even
 from oed.criteria.criterion import Criterion
 from oed.planning.candidate_set import CandidateSet
 from oed.planning.visitable import Best, Pick, expected, joined, linked, measured, visited

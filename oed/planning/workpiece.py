@@ -12,8 +12,8 @@ from identify.model.frames import inverse, pose, transform
 from identify.model.io.calibration_file import Calibration
 from identify.model.jig import Jig
 from identify.model.touch import Plan
-from identify.uncertainty.calibrated import posterior
 from identify.uncertainty.information import Information, prior_information
+from identify.uncertainty.posterior import posterior
 from identify.uncertainty.promise import Promise
 from identify.uncertainty.unknowns import Shared, Unknowns
 from oed.candidates.candidates import Candidates

@@ -10,7 +10,7 @@ from probe.controllers.grbl_words import SAID, Report, numbers, offset, read_rep
 from probe.line.clock import Clock
 from probe.line.controller import LinkLost, Rebooted, Refused
 from probe.line.framing import Lines
-from probe.line.patience import T, patiently
+from probe.line.retry import T, patiently
 from probe.line.transcript import Transport
 
 LONGEST = 500  # [bytes] of a line of GRBL

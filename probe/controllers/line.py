@@ -12,7 +12,7 @@ from probe.line.controller import Contact, Latch, LinkLost, NoContact, Refused, 
 from probe.line.framing import LONGEST
 from probe.line.link import Link
 from probe.line.messages import Status
-from probe.line.patience import Timing
+from probe.line.retry import Timing
 from probe.line.transcript import Transport
 from probe.line.watch import Watch
 

@@ -18,7 +18,7 @@ from probe.controllers.linuxcncrsh import Shell
 from probe.line.clock import Clock
 from probe.line.controller import Contact, Latch, LinkLost, NoContact, Rebooted, Refused, State
 from probe.line.messages import following
-from probe.line.patience import T, patiently
+from probe.line.retry import T, patiently
 from probe.line.transcript import Transport
 from probe.line.watch import Watch
 

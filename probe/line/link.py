@@ -10,7 +10,7 @@ from probe.line.clock import Clock
 from probe.line.controller import LinkLost, Rebooted, Refused
 from probe.line.framing import Lines, seal, unseal
 from probe.line.messages import ANSWER, GREETING, LAST_NUMBER, Answer, Status, following, read_status
-from probe.line.patience import T, Timing, patiently
+from probe.line.retry import T, Timing, patiently
 from probe.line.transcript import Transport
 
 

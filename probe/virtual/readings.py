@@ -11,7 +11,7 @@ from identify.model.frames import euler, rotation
 from identify.model.ik import reach
 from identify.model.measurement import Measured, measurement_model, rows
 from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
-from identify.uncertainty.named import Named, named, placed
+from identify.uncertainty.named_unknowns import Named, named, placed
 
 
 def draw_named(cell: Cell, rng: np.random.Generator) -> dict[str, Float[np.ndarray, " coordinates"]]:

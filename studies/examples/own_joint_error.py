@@ -9,7 +9,7 @@ import numpy as np
 import identify
 import oed
 import probe
-from identify.model.errors import ERROR_MODELS, Arm, Term
+from identify.model.joint_error_models import ERROR_MODELS, Arm, Term
 
 
 def rollers(arm: Arm) -> Iterator[Term]:

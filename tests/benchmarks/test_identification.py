@@ -16,8 +16,8 @@ from identify.estimation.least_squares import LeastSquares, Objective
 from identify.estimation.problem import Problem
 from identify.estimation.selection import with_errors
 from identify.model.cell import Wire
-from identify.model.errors import ERROR_MODELS
 from identify.model.identifiability import structure
+from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import MeasurementModel, rows
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from identify.model.errors import ERROR_MODELS
+from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import MEASUREMENTS
 from oed.criteria.criteria import CRITERIA
 from probe.controllers import PROTOCOLS

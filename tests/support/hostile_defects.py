@@ -10,7 +10,7 @@ from probe.controllers.grbl import Grbl
 from probe.controllers.line import Line
 from probe.line.controller import Contact
 from probe.line.link import Link
-from probe.line.patience import Timing
+from probe.line.retry import Timing
 from probe.runs import attempt
 from probe.runs.attempt import Motion
 from probe.runs.retreat import Retreat

@@ -5,7 +5,7 @@ In the order in which data walks through:
     document          YAML files with the line of every key
     units             a key's ending is its unit: between file and field, both ways, and the field's default
     schema            what a user may write in them
-    counting          `joints:`, how the controller counts
+    joint_counting    `joints:`, how the controller counts
     devices           `measure:`, what makes measurements of each kind
     checks            what single values cannot show: units mixed up, names taken twice
     entries           between millimetres and degrees in files and what they describe, both ways

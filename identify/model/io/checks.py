@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.files import InputError, Mistake, nearest
-from identify.model.io.counting import counting_mistakes
 from identify.model.io.devices import device_mistakes
 from identify.model.io.document import Document, entries, usable
+from identify.model.io.joint_counting import counting_mistakes
 from identify.model.io.schema import (
     BoxEntry,
     CapsuleEntry,
@@ -25,6 +24,7 @@ from identify.model.io.schema import (
     WireEntry,
     ZoneEntry,
 )
+from identify.model.joint_error_models import ERROR_MODELS, SIZES
 from identify.model.meshes import READERS, read_mesh
 from identify.model.robot import Robot
 

@@ -12,8 +12,8 @@ from identify.model.cell import DEG, Cell, Controller, Point, Priors, Spacing, T
 from identify.model.files import InputError
 from identify.model.frames import pose, transform
 from identify.model.io import schema
-from identify.model.io.counting import counting_entry, counting_of
 from identify.model.io.devices import device_entry, device_of
+from identify.model.io.joint_counting import counting_entry, counting_of
 from identify.model.io.units import described, entry_of, outside
 from identify.model.jig import Box, Face, Jig
 from identify.model.joint import SLIDING, TURNING, Capsule, Joint

@@ -11,8 +11,8 @@ from identify.estimation.calibrate import calibrate
 from identify.estimation.problem import Problem
 from identify.estimation.selection import select, with_errors
 from identify.model.cell import Wire
-from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.identifiability import structure
+from identify.model.joint_error_models import ERROR_MODELS, SIZES
 from identify.model.measurement import measurement_model, rows
 
 TOUCHES, SIGMA = 300, 0.05

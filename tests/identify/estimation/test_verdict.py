@@ -8,7 +8,7 @@ from measured import poses_over_jig, positions_at
 
 from identify.estimation.calibrate import CalibrationFailed, calibrate
 from identify.estimation.verdict import hypotheses, promised, refusals
-from identify.uncertainty.calibrated import posterior
+from identify.uncertainty.posterior import posterior
 
 
 @pytest.fixture(scope="module")

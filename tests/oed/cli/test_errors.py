@@ -7,10 +7,10 @@ import pytest
 from measured import positions_at
 
 from identify.estimation.selection import with_errors
-from identify.model.errors import ERROR_MODELS
 from identify.model.io.calibration_file import read_calibration
 from identify.model.io.description import library
 from identify.model.io.tables import positions_text
+from identify.model.joint_error_models import ERROR_MODELS
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from identify.estimation.selection import with_errors
 from identify.model.compiled import batch as mapped
 from identify.model.compiled.batch import BLOCKS, FEWEST, Mapped
 from identify.model.compiled.vectorized import columns
-from identify.model.errors import ERROR_MODELS
 from identify.model.ik_step import AXIS, POSE, descent
+from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.kinematics import Kinematics
 from identify.model.measurement import MeasurementModel
 

@@ -84,7 +84,7 @@ def test_help_names_all_options(command, said):
         ("plan", "  --strategy optimal|even|random"),
         ("plan", "                            optimal; even spreads points over the faces as the paper does; random"),
         ("plan", "                            draws them. [default: optimal]"),
-        ("plan", "  --worst                   Plan for the worst of these robots, not for their mean."),
+        ("plan", "  --json                    Print a machine-readable summary on stdout."),
         ("plan", "  --seed INTEGER            The same seed gives the same result. [default: 0]"),
         ("identify", "  FILES...                  touches.csv and positions.csv files, one or more."),
         ("identify", "  --priors, --no-priors     Use the tolerances of the cell file beside the touches (maximum a"),

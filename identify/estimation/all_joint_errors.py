@@ -10,7 +10,7 @@ from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, limit
 from identify.estimation.selection import FREE, Extended, Selection, extend, relinearized
 from identify.model.cell import Cell
-from identify.model.errors import ERROR_MODELS
+from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import Rows
 
 LEAST = 0.5  # share of the rows that has to agree

@@ -7,11 +7,11 @@ import pytest
 from cells import cell_of
 
 from identify.estimation.calibrate import calibrate
-from identify.model.errors import ERROR_MODELS, SIZES
 from identify.model.files import InputError
 from identify.model.identifiability import structure
 from identify.model.io.description import library, read_cell, read_robot
 from identify.model.io.entries import cell_entry, cell_from_entry
+from identify.model.joint_error_models import ERROR_MODELS, SIZES
 from identify.model.kinematics import Kinematics
 from identify.model.measurement import Rows, measurement_model, tip_rows, touch_conditions
 from identify.model.robot import Robot
