@@ -143,7 +143,7 @@ def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng:
     try:
         belief = believe(cell, met)
         good = met.take(belief.as_planned(met))
-        calibration = calibrate(cell, good, start=belief.theta, folds=0)
+        calibration = calibrate(cell, good, start=belief.theta, folds=0, errors="cell")
     except (InputError, CalibrationFailed):
         return Outcome(n, len(met))
     return Outcome(n, len(met), zone_promise(calibration).p95_mm, calibration)

@@ -77,7 +77,7 @@ def run(rng: np.random.Generator, kinds: str, minutes: float, robots: int, count
             else readings(cell(), part.table, theta, rng, further)
             for part in planned.parts
         ]
-        found = calibrate(cell(), *tables, folds=0)
+        found = calibrate(cell(), *tables, folds=0, errors="cell")
         off = [cell().kinematics.tip(q, one)[0] for one in (found.theta, theta)]
         errors.append(np.linalg.norm(off[0] - off[1], axis=1))
     rms = np.sqrt((np.array(errors) ** 2).mean(axis=1))

@@ -78,7 +78,7 @@ def run(rng: np.random.Generator, pair: int, sigma: float, robots: int) -> list[
             else 0.0
         }
         try:
-            found = calibrate(replace(fitted, spacings=spacings), made, folds=0)
+            found = calibrate(replace(fitted, spacings=spacings), made, folds=0, errors="cell")
         except InputError:
             rows.append(row | {"sigma_mm": sigma, "refused": 1, "scale_ppm": np.nan, "rms_mm": np.nan})
             continue

@@ -198,7 +198,7 @@ def run(rng: np.random.Generator, name: str, batch: int, robots: int, count: int
 def _judged(cell: Cell, true: Truth, measured: list[Measured], q: np.ndarray) -> dict[str, float]:
     """NaN if the measurements were refused."""
     try:
-        found = calibrate(cell, *measured, folds=0)
+        found = calibrate(cell, *measured, folds=0, errors="cell")
     except (InputError, RuntimeError):
         return dict.fromkeys(("promised_mm", "delivered_mm", "rms_mm", "covered"), float("nan"))
     off = [cell.kinematics.tip(q, theta)[0] for theta in (found.theta, true.theta)]

@@ -84,12 +84,12 @@ def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int)
     for true in theta[:, None]:
         touches = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
         if n > FIRST:
-            offered = candidate_set(cell, rng, after=calibrate(cell, *touches, folds=0), count=count)
+            offered = candidate_set(cell, rng, after=calibrate(cell, *touches, folds=0, errors="cell"), count=count)
             rest = plan_of(Setting(offered, "V", "optimal", rng).quickly(n - FIRST))
             touches.append(
                 _touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b")
             )
-        errors.append(calibrate(cell, *touches, folds=0).theta)
+        errors.append(calibrate(cell, *touches, folds=0, errors="cell").theta)
     return np.array(errors)
 
 

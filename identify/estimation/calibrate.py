@@ -15,7 +15,7 @@ from identify.estimation.folds import regions
 from identify.estimation.gauge import gauge_words, require_scale
 from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, estimate, scatter
-from identify.estimation.selection import select, with_errors
+from identify.estimation.selection import cell_with_errors, select, with_errors
 from identify.estimation.starts import Label, labels, on_faces, survivor
 from identify.model.calibration import (
     Calibration,
@@ -41,7 +41,7 @@ def calibrate(
     loss: str = "huber",
     priors: bool = True,
     parameters: Literal["all", "identifiable"] = "all",
-    errors: Literal["cell", "auto"] = "cell",
+    errors: str = "auto",
     start: Float[np.ndarray, " parameters"] | None = None,
     folds: int = 5,
     rng: np.random.Generator | None = None,
@@ -50,16 +50,17 @@ def calibrate(
     """Identify the unknowns that put every touch on its face.
 
     By default all parameters and what measurements share are estimated, held by the cell's tolerances (maximum a
-    posteriori). `identifiable` drops, as the paper does, the parameters that the drawing makes dependent: far off the
-    drawing that costs a tenth of a millimetre. With `errors="auto"` all families of joint errors are unknowns too, with
-    small priors, averaged over their sizes; else those of the cell. `loss` is a row of LOSSES; without `priors` the
+    posteriori), and all families of joint errors with them, averaged over the sizes of their priors: `errors` is
+    "auto", as on the command line, or "cell" for those of the cell, "none", or names of ERROR_MODELS with commas.
+    `identifiable` drops, as the paper does, the parameters that the drawing makes dependent: far off the drawing that
+    costs a tenth of a millimetre. `loss` is a row of LOSSES; without `priors` the
     touches alone decide; `folds` regions are held out in turn; `inputs` are the hashes of the files. The search begins
     at `start`, or at the nominal robot. Raises InputError if the touches cannot determine the parameters, and
     CalibrationFailed if Ipopt does not converge.
     """
     if not measured or any(isinstance(tables, list | tuple) for tables in measured):
         raise TypeError("calibrate takes measurements table by table: calibrate(cell, *read_measurements(path, cell))")
-    rng = np.random.default_rng(0) if rng is None else rng
+    rng, cell = np.random.default_rng(0) if rng is None else rng, cell_with_errors(cell, errors)
     whole = equations(cell, measured)
     problem = Problem.pose(cell, whole, loss, priors, parameters == "identifiable")
     choice: tuple[Term, ...] = ()

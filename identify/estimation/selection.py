@@ -19,6 +19,7 @@ from identify.estimation.least_squares import LOSSES
 from identify.estimation.problem import PART, Problem
 from identify.estimation.robust import estimate
 from identify.model.cell import Cell
+from identify.model.files import InputError, nearest
 from identify.model.io.calibration_file import Term
 from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import Rows
@@ -242,6 +243,18 @@ def relinearized(extended: Extended, at: Float[np.ndarray, " unknowns"]) -> Exte
     if extended.allowed is not None:
         A = A @ extended.allowed
     return replace(extended, at=at, A=A, y=A @ (at * precision) - r)
+
+
+def cell_with_errors(cell: Cell, errors: str) -> Cell:
+    """The cell with the error models that `calibrate` is asked for; raises InputError if there is no such model."""
+    if errors in {"cell", "auto"}:
+        return cell
+    names = () if errors == "none" else tuple(name.strip() for name in errors.split(","))
+    for name in names:
+        if name not in ERROR_MODELS:
+            known = ("auto", "none", "cell", *ERROR_MODELS)
+            raise InputError(f"no error model '{name}'{nearest(name, known)}; choose of {', '.join(known)}")
+    return cell if names == cell.robot.errors else replace(cell, robot=_robot(cell.robot, names))
 
 
 def with_errors(cell: Cell, errors: Sequence[str]) -> Cell:

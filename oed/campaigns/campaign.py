@@ -192,7 +192,7 @@ class _Loop:
         assert self.belief is not None
         if len(good) >= self.enough:
             try:
-                found = calibrate(self.cell, good, start=self.belief.theta)
+                found = calibrate(self.cell, good, start=self.belief.theta, errors="cell")
                 self.more = MoreTouches(found, good)
                 return found, self.more.now
             except InputError:  # so many, and still not of full rank

@@ -106,7 +106,7 @@ def _calibrated(
     made = reduce(joined, (stage.touches for stage in done.stages))
     write_text(folder / "touches.csv", touches_text(made, cell.robot))
     inputs = _hashes(folder, "cell.yaml", "touches.csv")
-    found = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs)
+    found = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs, errors="cell")
     write_calibration(folder / "calibration.json", found)
     return found, _effort(done)
 

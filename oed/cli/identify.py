@@ -67,13 +67,9 @@ def identify(
     to q6_deg (q1_mm where a joint slides), as the controller counts them, and
 
         a touch     face, or nx, ny, nz, offset_mm
-
         a position  x_mm, y_mm, z_mm of the tip
-
         a pose      these, and rz_deg, ry_deg, rx_deg
-
         a distance  anchor, distance_mm
-
         a contact   point
 
     Positions and planes stand in the jig frame; anchor and point are points: of the cell file, whose distance from
@@ -94,13 +90,14 @@ def identify(
     keep
         Write the calibration even if it must not be used.
     """
+    from identify.estimation.selection import cell_with_errors
     from identify.estimation.verdict import hypotheses, promised, refusals
     from identify.model.files import InputError
     from identify.model.io.calibration_file import write_calibration
 
     if not files:
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
-    described = _with_errors(load_cell(cell), fit.errors)
+    described = cell_with_errors(load_cell(cell), fit.errors)
     measured, inputs = read_measured(files, described, trust_units)
     with progress(not json, "identifying"):
         found = _calibrated(described, measured, fit, seed, inputs)
@@ -149,21 +146,6 @@ def _calibrated(
     except CalibrationFailed as error:
         causes = "; ".join(f"{finding.kind}: {finding.text}" for finding in hypotheses(cell, measured))
         raise CalibrationFailed(f"{error}. {causes}" if causes else str(error)) from None
-
-
-def _with_errors(cell: "Cell", errors: str) -> "Cell":
-    """The cell with the error models that an option names."""
-    from identify.model.files import InputError, nearest
-    from identify.model.joint_error_models import ERROR_MODELS
-
-    if errors in {"cell", "auto"}:
-        return cell
-    names = [] if errors == "none" else [name.strip() for name in errors.split(",")]
-    for name in names:
-        if name not in ERROR_MODELS:
-            known = ("auto", "none", "cell", *ERROR_MODELS)
-            raise InputError(f"--errors: no error model '{name}'{nearest(name, known)}; choose of {', '.join(known)}")
-    return replace(cell, robot=replace(cell.robot, errors=tuple(names), error_values=()))
 
 
 def summary(c: "Calibration") -> dict[str, Any]:

@@ -26,7 +26,7 @@ def main() -> None:
     truth = probe.draw_truth(cell, rng, scale=0.1)
     truth.theta[cell.robot.parameters.index("j1.cos3")] = np.radians(0.03)
     plan = oed.plan(cell, 60, rng=rng, count=1500).plan
-    calibration = identify.calibrate(cell, probe.touch_batch(cell, truth, plan, rng))
+    calibration = identify.calibrate(cell, probe.touch_batch(cell, truth, plan, rng), errors="cell")
     for name in ("j1.cos3", "j1.sin3"):
         i = cell.robot.parameters.index(name)
         values = np.degrees([truth.theta[i], calibration.theta[i], calibration.sigma[i]])

@@ -35,5 +35,5 @@ touches = probe.touch_batch(cell, truth, oed.plan(cell, 40, rng=rng, count=1500)
 z = cell.kinematics.tip(touches.q, truth.theta)[0][:, 2] + 0.02 * rng.standard_normal(40)
 heights = cast(Measured, Heights(tuple(f"h{i}" for i in range(40)), touches.q, z))
 for measured in ([touches], [touches, heights]):
-    calibration = identify.calibrate(cell, *measured)
+    calibration = identify.calibrate(cell, *measured, errors="cell")
     print(f"{len(calibration.residuals)} measurements, z of the base to {calibration.sigma[2]:.3f} mm")

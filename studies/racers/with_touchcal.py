@@ -57,7 +57,9 @@ def measured(problem: Problem) -> Touches | Positions:
 def full(problem: Problem) -> Problem:
     """A calibration with everything that the file of one holds, but for regions held out."""
     cell = cell_of(problem)
-    calibration = calibrate(cell, measured(problem), folds=0, parameters="identifiable" if cell.base is None else "all")
+    calibration = calibrate(
+        cell, measured(problem), folds=0, parameters="identifiable" if cell.base is None else "all", errors="cell"
+    )
     return {"tip": cell.kinematics.tip(problem["q_unseen"], calibration.theta)[0]}
 
 

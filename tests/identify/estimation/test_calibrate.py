@@ -38,7 +38,7 @@ def test_touches_bring_the_robot_of_table_1_to_that_of_table_2(arc_welder, poses
     truth = table_2(arc_welder)
     touches = touches_at(arc_welder, truth, poses[:200], rng, SIGMA)
 
-    found = calibrate(arc_welder, touches)
+    found = calibrate(arc_welder, touches, errors="cell")
 
     before = np.array([r.before_mm for r in found.residuals.values()])
     assert 15 < np.sqrt(np.mean(before**2)) < 30
@@ -54,6 +54,7 @@ def test_without_noise_the_robot_is_found_to_a_micrometre(arc_welder, poses, rng
         loss="linear",
         priors=False,
         parameters="identifiable",
+        errors="cell",
     )
 
     # what the eliminated parameters change in second order is all that is left
@@ -65,7 +66,11 @@ def test_a_base_100_mm_and_10_degrees_off_is_no_obstacle(arc_welder, poses, rng)
     truth[:6] += [100, -100, 100, 0.17, -0.17, 0.17]
 
     found = calibrate(
-        arc_welder, touches_at(arc_welder, truth, poses[:100], rng, SIGMA), priors=False, parameters="identifiable"
+        arc_welder,
+        touches_at(arc_welder, truth, poses[:100], rng, SIGMA),
+        priors=False,
+        parameters="identifiable",
+        errors="cell",
     )
 
     np.testing.assert_allclose(found.theta[:3], truth[:3], atol=1.0)
@@ -86,6 +91,7 @@ def test_intervals_are_true(arc_welder, poses):
             priors=False,
             parameters="identifiable",
             folds=0,
+            errors="cell",
         )
         error = (found.theta - truth)[kept]
         C = found.covariance / found.noise**2  # without the widening: sigma is known here
@@ -100,7 +106,9 @@ def test_ipopt_finds_the_minimum_that_scipy_finds(arc_welder, poses, rng):
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:80], rng, SIGMA)
     model, found_rows = measurement_model(arc_welder.robot), rows(arc_welder.wire, [touches])
 
-    found = calibrate(arc_welder, touches, loss="linear", priors=False, parameters="identifiable", folds=0)
+    found = calibrate(
+        arc_welder, touches, loss="linear", priors=False, parameters="identifiable", folds=0, errors="cell"
+    )
 
     def residual(x):
         theta = arc_welder.theta.copy()
@@ -165,7 +173,7 @@ def test_touches_that_are_5_mm_wrong_are_named_and_not_used(loss, arc_welder, po
     wrong = np.zeros(200)
     wrong[[17, 140]] = 5.0, -5.0
 
-    found = calibrate(arc_welder, with_offsets(touches, touches.offset + wrong), loss=loss)
+    found = calibrate(arc_welder, with_offsets(touches, touches.offset + wrong), loss=loss, errors="cell")
 
     assert set(found.outliers) == {"t18", "t141"}
     assert not found.residuals["t18"].used
@@ -178,7 +186,7 @@ def test_good_touches_are_rarely_called_outliers(arc_welder, poses):
     for _ in range(20):
         truth, _ = perturbed(arc_welder, rng)
         touches = touches_at(arc_welder, truth, poses[rng.choice(len(poses), 80, replace=False)], rng, SIGMA)
-        named += len(calibrate(arc_welder, touches, folds=0).outliers)
+        named += len(calibrate(arc_welder, touches, folds=0, errors="cell").outliers)
 
     assert named <= 4  # of 1600 good touches
 
@@ -193,10 +201,10 @@ def test_who_agrees_is_the_same_whether_the_robust_fit_is_made_or_seen_to_change
         touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng, SIGMA)
         touches = replace(touches, offset=touches.offset + wrong * (np.arange(100) % 20 == 7))
 
-        quick = calibrate(arc_welder, touches, parameters=parameters, folds=0)
+        quick = calibrate(arc_welder, touches, parameters=parameters, folds=0, errors="cell")
         with monkeypatch.context() as patch:
             patch.setattr(_Fit, "foreseen", lambda _, x, weight: (x, False))
-            slow = calibrate(arc_welder, touches, parameters=parameters, folds=0)
+            slow = calibrate(arc_welder, touches, parameters=parameters, folds=0, errors="cell")
 
         deviation = np.sqrt(np.diag(slow.covariance))
         assert set(quick.outliers) == set(slow.outliers)
@@ -207,7 +215,7 @@ def test_tight_priors_hold_parameters_where_they_are(arc_welder, poses, rng):
     tight = replace(arc_welder, priors=replace(arc_welder.priors, link=(1e-6, 1e-9)))
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng, 1.0)
 
-    found = calibrate(tight, touches, loss="linear", folds=0)
+    found = calibrate(tight, touches, loss="linear", folds=0, errors="cell")
 
     # the scatter of a fit that may not move its links widens sigma, so the links keep to a few priors
     links = [i for i in found.index if 6 <= i < 36]
@@ -218,7 +226,7 @@ def test_bounds_hold(arc_welder, poses, rng):
     bounded = replace(arc_welder, bounds={"j2.a": (350.0, 352.0)})
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng, SIGMA)
 
-    found = calibrate(bounded, touches, loss="linear", folds=0)
+    found = calibrate(bounded, touches, loss="linear", folds=0, errors="cell")
 
     value = found.theta[arc_welder.robot.parameters.index("j2.a")]
     assert 350.0 - 1e-6 <= value <= 352.0 + 1e-6
@@ -228,7 +236,7 @@ def test_fixed_parameters_stay_and_are_called_fixed(arc_welder, poses, rng):
     fixed = replace(arc_welder, fixed=frozenset({"j4.a"}))
     touches = touches_at(arc_welder, arc_welder.theta, poses[:100], rng, SIGMA)
 
-    found = calibrate(fixed, touches)
+    found = calibrate(fixed, touches, errors="cell")
 
     assert found.status("j4.a") == "fixed"
     assert found.theta[arc_welder.robot.parameters.index("j4.a")] == 0.0
@@ -239,7 +247,7 @@ def test_touches_and_positions_are_used_together(arc_welder, poses, rng):
     touches = touches_at(arc_welder, truth, poses[:40], rng, SIGMA)
     positions = positions_at(arc_welder, truth, poses[40:70], rng, SIGMA)
 
-    found = calibrate(arc_welder, touches, positions)
+    found = calibrate(arc_welder, touches, positions, errors="cell")
 
     assert found.fit.n + len(found.outliers) == 70
     assert np.sqrt(np.mean(tip_error(arc_welder, found.theta, truth, poses[200:]) ** 2)) < 2 * SIGMA
@@ -255,7 +263,7 @@ def test_a_base_and_a_tool_that_nobody_measured_are_found(kind, unknown, arc_wel
     cell = replace(arc_welder, wire=replace(arc_welder.wire, shape="point"))
     cell = replace(cell, **{key: None if key in unknown else value for key, value in known.items()})
 
-    found = calibrate(cell, kind(cell, truth, poses[:150], rng, SIGMA))
+    found = calibrate(cell, kind(cell, truth, poses[:150], rng, SIGMA), errors="cell")
 
     assert np.sqrt(np.mean(tip_error(cell, found.theta, truth, poses[200:]) ** 2)) < 2 * SIGMA
 
@@ -264,7 +272,7 @@ def test_too_few_touches_are_refused_with_how_many_to_add(arc_welder, poses, rng
     touches = touches_at(arc_welder, arc_welder.theta, poses[:3], rng)
 
     with pytest.raises(InputError, match=r"3 equations cannot determine .* parameters; make at least"):
-        calibrate(arc_welder, touches, parameters="identifiable")
+        calibrate(arc_welder, touches, parameters="identifiable", errors="cell")
 
 
 def test_touches_on_one_face_are_refused_with_the_faces_to_touch(arc_welder, poses, rng):
@@ -272,7 +280,7 @@ def test_touches_on_one_face_are_refused_with_the_faces_to_touch(arc_welder, pos
     up = touches.take(touches.normal[:, 2] == 1)
 
     with pytest.raises(InputError, match=r"base\.[xy].* cannot be told apart; no face looks along [xy] or [xy]"):
-        calibrate(arc_welder, up, parameters="identifiable")
+        calibrate(arc_welder, up, parameters="identifiable", errors="cell")
 
 
 def test_a_joint_that_stands_still_costs_its_parameters_not_the_calibration(arc_welder, poses, rng):
@@ -280,7 +288,9 @@ def test_a_joint_that_stands_still_costs_its_parameters_not_the_calibration(arc_
     still = poses[:100].copy()
     still[:, 5] = 0.4
 
-    found = calibrate(arc_welder, touches_at(arc_welder, truth, still, rng, SIGMA), parameters="identifiable")
+    found = calibrate(
+        arc_welder, touches_at(arc_welder, truth, still, rng, SIGMA), parameters="identifiable", errors="cell"
+    )
 
     assert len(found.estimated) == 23
     again = poses[200:].copy()
@@ -292,7 +302,7 @@ def test_a_direction_that_the_touches_see_less_well_than_the_prior_is_called_wea
     """All touches within a few millimetres: most of the robot is told by the tolerances alone."""
     near = poses[:1] + 0.003 * rng.standard_normal((100, 6))
 
-    found = calibrate(arc_welder, touches_at(arc_welder, arc_welder.theta, near, rng, SIGMA), folds=0)
+    found = calibrate(arc_welder, touches_at(arc_welder, arc_welder.theta, near, rng, SIGMA), folds=0, errors="cell")
 
     assert len(found.weak) > 3
 
@@ -302,13 +312,13 @@ def test_a_solver_that_does_not_converge_gives_no_numbers(arc_welder, poses, rng
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng)
 
     with pytest.raises(CalibrationFailed, match="Maximum_Iterations_Exceeded"):
-        calibrate(arc_welder, touches)
+        calibrate(arc_welder, touches, errors="cell")
 
 
 def test_errors_in_regions_held_out_are_larger_than_those_of_the_fit(arc_welder, poses, rng):
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:100], rng, SIGMA)
 
-    found = calibrate(arc_welder, touches)
+    found = calibrate(arc_welder, touches, errors="cell")
 
     assert found.held_out is not None
     assert found.held_out.n == found.fit.n
@@ -319,7 +329,7 @@ def test_the_scatter_tells_a_sigma_that_is_too_small(arc_welder, poses, rng):
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:200], rng, 3 * SIGMA)
     claimed = replace(touches, sigma=np.full(200, SIGMA))
 
-    found = calibrate(arc_welder, claimed)
+    found = calibrate(arc_welder, claimed, errors="cell")
 
     assert found.scatter_significant
     assert found.scatter == pytest.approx(3.0, rel=0.15)  # 4 sigma of a deviation from 175 degrees of freedom
@@ -327,7 +337,7 @@ def test_the_scatter_tells_a_sigma_that_is_too_small(arc_welder, poses, rng):
 
 def test_a_calibration_is_read_back_as_it_was_written(arc_welder, poses, rng, tmp_path):
     touches = touches_at(arc_welder, table_2(arc_welder), poses[:60], rng)
-    found = calibrate(arc_welder, touches, inputs={"a": "b"}, parameters="identifiable")
+    found = calibrate(arc_welder, touches, inputs={"a": "b"}, parameters="identifiable", errors="cell")
 
     write_calibration(tmp_path / "calibration.json", found)
     again = read_calibration(tmp_path / "calibration.json")
@@ -347,7 +357,7 @@ def test_a_robot_far_off_its_drawing_is_found_where_what_the_drawing_makes_depen
         truth = arc_welder.theta + arc_welder.prior * rng.standard_normal(len(arc_welder.theta))
         touches = touches_at(arc_welder, truth, poses[:100], rng, SIGMA)
         for parameters, errors in off.items():
-            found = calibrate(arc_welder, touches, parameters=parameters, folds=0)
+            found = calibrate(arc_welder, touches, parameters=parameters, folds=0, errors="cell")
             errors.append(np.sqrt(np.mean(tip_error(arc_welder, found.theta, truth, poses[200:]) ** 2)))
 
     assert len(found.estimated) == len(truth)
@@ -363,7 +373,7 @@ def test_touches_on_another_step_of_the_jig_are_left_out_where_all_parameters_ar
     offset = touches.offset.copy()
     offset[[3, 17, 30, 44]] += [-23, -56, 83, 100]  # [mm]: least squares bend the robot by tens of degrees, without end
 
-    found = calibrate(arc_welder, with_offsets(touches, offset), folds=0)
+    found = calibrate(arc_welder, with_offsets(touches, offset), folds=0, errors="cell")
 
     assert list(found.outliers) == ["t4", "t18", "t31", "t45"]
     assert np.sqrt(np.mean(tip_error(arc_welder, found.theta, truth, poses[200:]) ** 2)) < 0.15
@@ -373,4 +383,4 @@ def test_without_tolerances_dependent_parameters_cannot_all_be_estimated(arc_wel
     touches = touches_at(arc_welder, arc_welder.theta, poses[:100], rng, SIGMA)
 
     with pytest.raises(InputError, match=r"nothing is known of base\.x"):
-        calibrate(arc_welder, touches, priors=False)
+        calibrate(arc_welder, touches, priors=False, errors="cell")

@@ -49,7 +49,7 @@ def touches(arc_welder, truth):
 def test_a_touch_that_met_the_next_face_is_not_used_and_the_others_are(arc_welder, touches):
     noisy = replace(touches, offset=touches.offset + 0.05 * np.random.default_rng(1).standard_normal(COUNT))
 
-    found = calibrate(arc_welder, noisy, folds=0)
+    found = calibrate(arc_welder, noisy, folds=0, errors="cell")
 
     doubtful = {name for finding in found.findings if finding.kind == "edge" for name in finding.ids}
     out = doubtful | set(found.outliers) | {n for f in found.findings if f.kind == "wrong face" for n in f.ids}

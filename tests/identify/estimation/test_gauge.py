@@ -58,7 +58,7 @@ def cell(arc_welder):
 
 @pytest.fixture(scope="module")
 def found(cell, measured):
-    return calibrate(cell, measured, folds=0)
+    return calibrate(cell, measured, folds=0, errors="cell")
 
 
 def test_the_sockets_end_at_their_spacing_and_the_tips_in_them(found, cell, measured):
@@ -81,14 +81,14 @@ def test_a_choice_of_frame_is_said_in_words(found):
 
 def test_without_a_known_length_the_identification_is_refused(cell, measured):
     with pytest.raises(InputError, match="no length is known among what was measured"):
-        calibrate(replace(cell, spacings=()), measured, folds=0)
+        calibrate(replace(cell, spacings=()), measured, folds=0, errors="cell")
 
 
 def test_a_placement_that_nobody_measured_is_named(cell, measured):
     further = replace(cell, placements=cell.placements | {"shelf": None})
 
     with pytest.raises(InputError, match="placement 'shelf' was not measured"):
-        calibrate(further, measured, folds=0)
+        calibrate(further, measured, folds=0, errors="cell")
 
 
 def test_the_unknowns_of_sockets_have_no_prior(cell):
@@ -104,7 +104,7 @@ def test_a_placement_is_found_by_known_sockets_as_surely_as_is_said(arc_welder, 
     points = {name: Point(place) for name, place in holes.items()}
     cell = replace(arc_welder, placements={"table": None}, points=points, zone=None)
 
-    found = calibrate(cell, contacts(arc_welder, hidden, second, 90, 1, holes), folds=0)
+    found = calibrate(cell, contacts(arc_welder, hidden, second, 90, 1, holes), folds=0, errors="cell")
 
     names = [f"placement.table.{axis}" for axis in ("x", "y", "z", "rz", "ry", "rx")]
     index = [found.names.index(name) for name in names]

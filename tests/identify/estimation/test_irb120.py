@@ -13,7 +13,7 @@ DRAWS = 8
 def unseen_error(irb120_cell, irb120_measured, kind, seed):
     """Mean error in space at the 400 poses that 100 drawn ones leave."""
     order = np.random.default_rng(seed).permutation(500)
-    found = calibrate(irb120_cell, kind(irb120_measured, order[:100]), folds=0)
+    found = calibrate(irb120_cell, kind(irb120_measured, order[:100]), folds=0, errors="cell")
     tip = irb120_cell.kinematics.tip(irb120_measured["q"][order[100:]], found.theta)[0]
     return np.linalg.norm(tip - irb120_measured["point"][order[100:]], axis=1).mean()
 
@@ -28,8 +28,8 @@ def test_100_poses_bring_400_unseen_ones_within_a_fifth_of_a_millimetre(kind, li
 def test_joints_read_back_before_the_robot_settled_fit_worse(irb120_cell, irb120_measured):
     which = np.arange(0, 500, 2)
 
-    commanded = calibrate(irb120_cell, positions(irb120_measured, which))
-    readback = calibrate(irb120_cell, positions(irb120_measured, which, "readback"))
+    commanded = calibrate(irb120_cell, positions(irb120_measured, which), errors="cell")
+    readback = calibrate(irb120_cell, positions(irb120_measured, which, "readback"), errors="cell")
 
     assert readback.scatter > 1.5 * commanded.scatter
     assert readback.scatter_significant
@@ -37,7 +37,7 @@ def test_joints_read_back_before_the_robot_settled_fit_worse(irb120_cell, irb120
 
 
 def test_errors_in_regions_held_out_tell_more_than_those_of_the_fit(irb120_cell, irb120_measured):
-    found = calibrate(irb120_cell, positions(irb120_measured, np.arange(500)))
+    found = calibrate(irb120_cell, positions(irb120_measured, np.arange(500)), errors="cell")
 
     assert found.held_out.mean_mm > 1.2 * found.fit.mean_mm
 

@@ -27,7 +27,7 @@ def positions(arc_welder, hidden):
 
 
 def test_a_tool_that_is_to_be_fitted_begins_at_zero_and_ends_where_it_is(arc_welder, hidden, positions):
-    found = calibrate(replace(arc_welder, tool=None), positions, folds=0)
+    found = calibrate(replace(arc_welder, tool=None), positions, folds=0, errors="cell")
 
     off = found.theta[-6:-3] - hidden.theta[-6:-3]
     assert np.linalg.norm(hidden.theta[-6:-3]) > 300
@@ -42,11 +42,11 @@ def test_sockets_of_unknown_place_need_one_known_length_beside_the_touches_of_a_
     fitted = replace(cell, points={name: Point(None) for name in places})
 
     with pytest.raises(InputError, match="no length is known"):
-        calibrate(fitted, contacts, folds=0)
+        calibrate(fitted, contacts, folds=0, errors="cell")
     from oed.planning.plan import plan
 
     touches = touch_batch(arc_welder, hidden, plan(arc_welder, 30, "V", "even", rng, count=600).plan, rng)
-    found = calibrate(fitted, touches.take(np.array(touches.status) == "hit"), contacts, folds=0)
+    found = calibrate(fitted, touches.take(np.array(touches.status) == "hit"), contacts, folds=0, errors="cell")
     values = {s.name: s.value for s in found.shared}
     for name, place in places.items():
         at = np.array([values[f"point.{name}.{axis}"] for axis in "xyz"])
@@ -61,7 +61,7 @@ def test_planes_that_are_seen_from_a_stand_of_unknown_pose_are_a_jig_and_know_th
     touches = touches.take(np.array(touches.status) == "hit")
     cell = replace(arc_welder, placements={"elsewhere": None})
 
-    found = calibrate(cell, replace(touches, placement=("elsewhere",) * len(touches)), folds=0)
+    found = calibrate(cell, replace(touches, placement=("elsewhere",) * len(touches)), folds=0, errors="cell")
 
     stand = {s.name: s.value for s in found.shared}
     place = np.array([stand[f"placement.elsewhere.{axis}"] for axis in "xyz"])

@@ -49,8 +49,8 @@ def test_a_fifth_of_the_touches_off_by_3_to_10_mm_is_named_and_left_out(arc_weld
     offset = touches.offset.copy()
     offset[wrong] += rng.uniform(3, 10, 12) * rng.choice([-1, 1], 12)
 
-    clean = calibrate(arc_welder, touches.take(np.setdiff1d(np.arange(60), wrong)), folds=0)
-    found = calibrate(arc_welder, replace(touches, offset=offset), folds=0)
+    clean = calibrate(arc_welder, touches.take(np.setdiff1d(np.arange(60), wrong)), folds=0, errors="cell")
+    found = calibrate(arc_welder, replace(touches, offset=offset), folds=0, errors="cell")
 
     assert set(found.outliers) >= {touches.ids[i] for i in wrong}
     assert len(found.outliers) <= 13
@@ -66,7 +66,7 @@ def test_a_jig_five_times_worse_than_stated_is_named_and_its_faces_are_found(arc
         offsets = {face.name: 5 * face.tolerance * rng.standard_normal() for face in arc_welder.jig.faces}
         touches, _ = on_faces(arc_welder, truth, poses[:80], rng, offsets)
 
-        found = calibrate(arc_welder, touches, folds=0)
+        found = calibrate(arc_welder, touches, folds=0, errors="cell")
 
         named += any(finding.kind in {"jig", "face"} for finding in found.findings)
         values = {s.name.removeprefix("face."): s.value for s in found.shared}
@@ -84,7 +84,7 @@ def test_a_good_jig_is_rarely_called_worse(arc_welder, poses):
         offsets = {face.name: face.tolerance * rng.standard_normal() for face in arc_welder.jig.faces}
         touches, _ = on_faces(arc_welder, robot(arc_welder, rng), poses[:80], rng, offsets)
 
-        found = calibrate(arc_welder, touches, folds=0)
+        found = calibrate(arc_welder, touches, folds=0, errors="cell")
 
         named += any(finding.kind in {"jig", "face", "wrong face"} for finding in found.findings)
 

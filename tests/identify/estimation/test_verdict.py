@@ -41,7 +41,7 @@ def three_targets(positions):
 def reasons(cell, measured):
     """Why it is refused: by no convergence, or by the verdict."""
     try:
-        return refusals(calibrate(cell, measured, folds=0))
+        return refusals(calibrate(cell, measured, folds=0, errors="cell"))
     except CalibrationFailed as error:
         return (str(error),)
 
@@ -68,7 +68,7 @@ def test_a_mistake_in_all_rows_is_refused_and_its_cure_is_proposed(arc_welder, p
 
 
 def test_a_zero_that_is_off_by_37_degrees_is_estimated(arc_welder, positions):
-    found = calibrate(arc_welder, turned(positions, 1, degrees=37), folds=0)
+    found = calibrate(arc_welder, turned(positions, 1, degrees=37), folds=0, errors="cell")
 
     assert refusals(found) == ()
     j2 = arc_welder.robot.parameters.index("j2.theta")
@@ -80,7 +80,7 @@ def test_three_targets_in_one_file_are_refused(arc_welder, positions):
 
 
 def test_the_promise_is_that_of_draws_from_what_the_calibration_says(arc_welder, positions):
-    found = calibrate(arc_welder, positions, folds=0)
+    found = calibrate(arc_welder, positions, folds=0, errors="cell")
     known, rng = posterior(found), np.random.default_rng(0)
     q = poses_over_jig(arc_welder, 100, rng)
 

@@ -24,7 +24,9 @@ def truth(arc_welder):
 
 @pytest.fixture(scope="module")
 def calibration(arc_welder, poses, truth):
-    return calibrate(arc_welder, touches_at(arc_welder, truth, poses[:100], np.random.default_rng(1), SIGMA))
+    return calibrate(
+        arc_welder, touches_at(arc_welder, truth, poses[:100], np.random.default_rng(1), SIGMA), errors="cell"
+    )
 
 
 def test_unseen_positions_are_within_what_was_promised(calibration, arc_welder, poses, truth, rng):
@@ -41,7 +43,7 @@ def test_what_is_promised_is_kept_by_nearly_all_fits_and_is_not_much_more(arc_we
     below = []
     for _ in range(20):
         q = poses[rng.permutation(500)]
-        found = calibrate(arc_welder, touches_at(arc_welder, truth, q[:60], rng, SIGMA), folds=0)
+        found = calibrate(arc_welder, touches_at(arc_welder, truth, q[:60], rng, SIGMA), folds=0, errors="cell")
         unseen = verify(found, touches_at(arc_welder, truth, q[60:], rng, SIGMA))
         below.append(unseen.identified.p95_mm / unseen.promised_p95_mm)
 

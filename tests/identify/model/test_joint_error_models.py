@@ -158,7 +158,9 @@ def test_a_calibration_estimates_the_errors_it_is_asked_for(rng):
     theta = cell.theta.copy()
     theta[cell.robot.parameters.index("j2.cos2")] = np.radians(0.03)
 
-    found = calibrate(cell, positions_at(cell, theta, postures(cell.robot, rng, 150), rng, 0.02), folds=0)
+    found = calibrate(
+        cell, positions_at(cell, theta, postures(cell.robot, rng, 150), rng, 0.02), folds=0, errors="cell"
+    )
 
     i = cell.robot.parameters.index("j2.cos2")
     assert found.theta[i] == pytest.approx(theta[i], abs=3 * found.sigma[i])
@@ -265,7 +267,7 @@ def test_a_calibration_with_many_joint_errors_is_read_as_it_was_written(tmp_path
 
     cell = replace(cell_of("irb120"), robot=robot_with(tuple(ERROR_MODELS)))
     q = postures(cell.robot, rng, 60)
-    found = calibrate(cell, positions_at(cell, cell.theta, q, rng, 0.02), folds=0)
+    found = calibrate(cell, positions_at(cell, cell.theta, q, rng, 0.02), folds=0, errors="cell")
 
     write_calibration(tmp_path / "calibration.json", found)
 

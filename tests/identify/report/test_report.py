@@ -34,7 +34,7 @@ def measured(arc_welder):
 
 @pytest.fixture(scope="module")
 def calibration(arc_welder, measured):
-    return calibrate(arc_welder, measured)
+    return calibrate(arc_welder, measured, errors="cell")
 
 
 @pytest.fixture(scope="module")

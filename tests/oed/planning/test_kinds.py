@@ -73,7 +73,7 @@ def test_a_robot_that_is_measured_by_the_plan_is_as_accurate_as_promised(cell, b
     places = np.array([cell.places[name] for name in distances.table.anchor])
     length = np.linalg.norm(tip - places, axis=1) + 0.02 * rng.standard_normal(len(tip))
 
-    calibration = calibrate(cell, made, replace(distances.table, distance=length))
+    calibration = calibrate(cell, made, replace(distances.table, distance=length), errors="cell")
 
     zone = zone_poses(cell, truth.theta, 200)
     off = [cell.kinematics.tip(zone, theta)[0] for theta in (calibration.theta, truth.theta)]

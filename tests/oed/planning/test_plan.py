@@ -238,7 +238,9 @@ def test_a_criterion_that_is_not_smooth_plans_too(arc_welder):
 def test_touches_after_a_calibration_add_to_what_is_known(arc_welder, optimal):
     rng = np.random.default_rng(1)
     truth = draw_truth(arc_welder, rng, scale=0.2)
-    first = identify.calibrate(arc_welder, touch_batch(arc_welder, truth, optimal.plan, rng), folds=0, loss="linear")
+    first = identify.calibrate(
+        arc_welder, touch_batch(arc_welder, truth, optimal.plan, rng), folds=0, loss="linear", errors="cell"
+    )
 
     more = planned(arc_welder, 8, after=first)
 

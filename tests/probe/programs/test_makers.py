@@ -78,7 +78,7 @@ def zone_rms(bench, touches) -> float:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "touches.csv"
         path.write_text(touches_text(table, bench.cell.robot))
-        return tip_rms(bench, calibrate(bench.cell, read_touches(path, bench.cell), folds=0).theta)
+        return tip_rms(bench, calibrate(bench.cell, read_touches(path, bench.cell), folds=0, errors="cell").theta)
 
 
 def tip_rms(bench, theta) -> float:

@@ -20,7 +20,7 @@ def document(arc_welder, tmp_path_factory):
     """What calibration.json holds."""
     rng, path = np.random.default_rng(3), tmp_path_factory.mktemp("calibration") / "calibration.json"
     touches = touches_at(arc_welder, arc_welder.theta, poses_over_jig(arc_welder, 60, rng), rng)
-    write_calibration(path, calibrate(arc_welder, touches, folds=0))
+    write_calibration(path, calibrate(arc_welder, touches, folds=0, errors="cell"))
     return json.loads(path.read_text())
 
 
@@ -88,7 +88,7 @@ def test_faces_and_their_covariance_with_the_parameters_are_read_back(arc_welder
     q = poses_over_jig(arc_welder, 40, rng)
     touches = touches_at(arc_welder, table_2(arc_welder), q, rng)
     faces = tuple(list(arc_welder.jig.by_name)[i % 3] for i in range(40))
-    found = calibrate(arc_welder, replace(touches, face=faces), folds=0)
+    found = calibrate(arc_welder, replace(touches, face=faces), folds=0, errors="cell")
 
     write_calibration(tmp_path / "c.json", found)
     again = read_calibration(tmp_path / "c.json")
