@@ -38,6 +38,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # threads cost more than small matrices gain, and workers wait for each other's; theirs begin with this environment
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# lines are folded for a person, on a screen; workers are given the width of whoever runs the tests
+os.environ.pop("COLUMNS", None)
+
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 
 
