@@ -73,7 +73,7 @@ _FRONT = {
     "workpiece.localization": "locate",
     "health.judge": "judge",
     "programs.fixing": "fix",
-    "uncertainty.calibrated": "zone_promise",
+    "uncertainty.posterior": "zone_promise",
     "uncertainty.promise": "Promise",
 }
 if not TYPE_CHECKING:

@@ -51,6 +51,7 @@ STUDIES = (
     "jig",
     "peers",
     "beyond",
+    "promise",
     "campaign",
     "kinds",
     "scale",

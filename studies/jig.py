@@ -86,7 +86,8 @@ def _judged(
     made: CandidateSet, some: np.ndarray, name: str, robots: int, rng: np.random.Generator, at: np.ndarray | None = None
 ) -> dict[str, Any]:
     """What some of the touches on offer promise, and what they deliver."""
-    coordinates, rows = made.all_unknowns, made.rows[some] @ made.all_unknowns.basis
+    coordinates = made.all_unknowns
+    rows = made.rows_of(made.candidates)[some] @ coordinates.basis  # all of them meet: they are aimed
     tip, prior = coordinates.tip_rows(zone(POSES)), coordinates.precision
     found = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=prior, zone=tip)
     chosen = exact_design(
@@ -151,7 +152,7 @@ def _promise(at: np.ndarray, count: int) -> float:
     try:
         made = candidate_set(moved(arc_welder(), at), np.random.default_rng(0), count=count)
         coordinates = made.all_unknowns
-        tip, rows = coordinates.tip_rows(zone(POSES)), made.rows @ coordinates.basis
+        tip, rows = coordinates.tip_rows(zone(POSES)), made.rows_of(made.candidates) @ coordinates.basis
         found = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=coordinates.precision, zone=tip)
     except (InputError, ValueError, np.linalg.LinAlgError):
         return float("nan")

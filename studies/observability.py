@@ -52,7 +52,7 @@ def run(rng: np.random.Generator, part: int, sets: int, robots: int) -> list[dic
                 "set": part * sets + k,
                 "drawn": ["from all", "nearby"][k % 2],
                 **WORST,
-                **indices(offer, offer.rows[chosen]),
+                **indices(offer, offer.rows_of(offer.candidates)[chosen]),
                 "rms_mm": rms,
             }
         )

@@ -14,6 +14,7 @@ the delivered error, 0.124 mm RMS in the median.
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from identify.model.touch import HIT, Plan, Touches
 from identify.model.zone import zone_poses
 from identify.report.svg import AFTER, OUT, Chart, logarithmic, picture
 from identify.uncertainty.posterior import posterior, zone_promise
-from oed.planning.plan import COUNT, plan
+from oed.planning.plan import COUNT, PlanResult, plan
 from studies.common import FEW, arc_welder
 from studies.engine import Table, column, distinct, where
 
@@ -51,12 +52,10 @@ def tasks(small: bool) -> list[dict[str, Any]]:
     ]
 
 
-def run(
-    rng: np.random.Generator, n: int, scale: float, batch: int, robots: int, offered: int, errors: str = "cell"
-) -> list[dict[str, Any]]:
+def run(rng: np.random.Generator, n: int, scale: float, batch: int, robots: int, offered: int) -> list[dict[str, Any]]:
     """One row a robot: touches that met, tip error, promise, and the share of intervals that hold the truth."""
     cell = scaled(arc_welder(), scale)
-    planned = plan(cell, n, rng=np.random.default_rng(0), count=offered)
+    planned = _planned(scale, n, offered)
     q = zone_poses(cell, rng=np.random.default_rng(4711))
     rows = []
     for _ in range(robots):
@@ -64,16 +63,20 @@ def run(
         off = {face.name: face.tolerance * rng.standard_normal() for face in cell.the_jig.faces}
         made = touched(cell, planned.plan, true, off, rng)
         row = {"touches": n, "scale": scale, "met": len(made), "planned_mm": planned.promise.p95_mm}
-        rows.append(row | _judged(cell, made, true, off, q, errors))
+        rows.append(row | _judged(cell, made, true, off, q))
     return rows
 
 
-def _judged(
-    cell: Cell, made: Touches, true: np.ndarray, off: dict[str, float], q: np.ndarray, errors: str
-) -> dict[str, float]:
+@lru_cache
+def _planned(scale: float, n: int, offered: int) -> PlanResult:
+    """The plan that all robots make."""
+    return plan(scaled(arc_welder(), scale), n, rng=np.random.default_rng(0), count=offered)
+
+
+def _judged(cell: Cell, made: Touches, true: np.ndarray, off: dict[str, float], q: np.ndarray) -> dict[str, float]:
     """What a robot was promised, and what it got; NaN if its touches were refused."""
     try:
-        found = calibrate(cell, made, folds=0, errors="auto" if errors == "auto" else "cell")
+        found = calibrate(cell, made, folds=0)
     except (InputError, RuntimeError):
         return dict.fromkeys(("promised_mm", "delivered_mm", "rms_mm", "covered"), float("nan"))
     error = np.linalg.norm(found.cell.kinematics.tip(q, found.theta)[0] - tips(cell.robot, q, true)[0], axis=1)

@@ -54,13 +54,14 @@ def second_places(
     """The first place alone, and with the second called `name`, known exactly or not."""
     cell, at = arc_welder(), _place(name)
     here, there = (candidate_set(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.the_jig, at))))
+    own, others = (one.rows_of(one.candidates) for one in (here, there))  # all of them meet: they are aimed
     tip, prior, pose_rows = here.prior.unknowns.tip_rows(zone), here.prior.R.T @ here.prior.R, _pose_rows(there, at)
     unknown = _joined(prior, np.eye(6))
-    nothing, wider = np.zeros((len(here.rows), 6)), np.pad(tip, ((0, 0), (0, 0), (0, 6)))
-    both = np.vstack([here.rows, there.rows])
-    free = np.block([[here.rows, nothing], [there.rows, pose_rows]])
+    nothing, wider = np.zeros((len(own), 6)), np.pad(tip, ((0, 0), (0, 0), (0, 6)))
+    both = np.vstack([own, others])
+    free = np.block([[own, nothing], [others, pose_rows]])
     for what, loose, X, P, Z in (
-        ("first place alone", KNOWN, here.rows, prior, tip),
+        ("first place alone", KNOWN, own, prior, tip),
         (f"and {name}, place known", KNOWN, both, prior, tip),
         (f"and {name}, place unknown", 1.0, free, unknown, wider),
     ):
