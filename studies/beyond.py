@@ -24,6 +24,7 @@ from identify.model.io.description import library, read_robot
 from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import Rows, measurement_model
 from identify.report.svg import AFTER, BEFORE, Chart, axis, named, picture
+from identify.uncertainty.promise import INTERVAL
 from studies.engine import Table, column, distinct, where
 
 TOUCHES, SIGMA, TRIALS = 300, 0.05, 100
@@ -83,7 +84,7 @@ def _inside(problem: Linear, truth: Float[np.ndarray, " columns"], chosen: tuple
     C = np.linalg.inv(G[np.ix_(these, these)] + np.diag(problem.precision[these]))
     off = np.abs(C @ b[these] - truth[these]) / np.sqrt(np.diag(C))
     beyond = len(problem.geometric)
-    return float((off[beyond:] < 1.96).mean()) if len(off) > beyond else 1.0
+    return float((off[beyond:] < INTERVAL).mean()) if len(off) > beyond else 1.0
 
 
 def answer(table: Table) -> str:

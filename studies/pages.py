@@ -23,10 +23,9 @@ def main() -> None:
 def load(name: str) -> None:
     """Load what the front of a package shows: pdoc sees only what is there, and what `__all__` names."""
     package = import_module(name)
-    names = [shown for part in package._FRONT.values() for shown in part.split()]
-    shown = {name: getattr(package, name) for name in names}
+    front = {shown: getattr(package, shown) for part in package._FRONT.values() for shown in part.split()}
     rooms = [module.name for module in iter_modules(package.__path__)]
-    vars(package).update(shown | {"__all__": [*names, *rooms]})
+    vars(package).update(front | {"__all__": [*front, *rooms]})
 
 
 if __name__ == "__main__":

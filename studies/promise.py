@@ -26,10 +26,9 @@ from identify.model.files import InputError
 from identify.model.robot import Robot
 from identify.model.touch import HIT, Plan, Touches
 from identify.model.zone import zone_poses
-from identify.report.svg import AFTER, OUT, Chart, logarithmic, picture
-from identify.uncertainty.posterior import posterior, zone_promise
+from identify.uncertainty.posterior import posterior
 from oed.planning.plan import COUNT, PlanResult, plan
-from studies.common import FEW, arc_welder
+from studies.common import FEW, REFUSED, arc_welder, judged, kept, picture_of_promises
 from studies.engine import Table, column, distinct, where
 
 NUMBERS = (30, 60, 100)
@@ -78,19 +77,12 @@ def _judged(cell: Cell, made: Touches, true: np.ndarray, off: dict[str, float], 
     try:
         found = calibrate(cell, made, folds=0)
     except (InputError, RuntimeError):
-        return dict.fromkeys(("promised_mm", "delivered_mm", "rms_mm", "covered"), float("nan"))
+        return REFUSED
     error = np.linalg.norm(found.cell.kinematics.tip(q, found.theta)[0] - tips(cell.robot, q, true)[0], axis=1)
     known = posterior(found)
     sigma = dict(zip(known.unknowns.names, np.sqrt(np.diag(known.covariance())), strict=True))
     truth = dict(zip(cell.robot.parameters, true, strict=True)) | {f"face.{name}": b for name, b in off.items()}
-    value = dict(zip(found.cell.robot.parameters, found.theta, strict=True)) | {s.name: s.value for s in found.shared}
-    inside = [abs(truth[name] - value.get(name, 0.0)) < 1.96 * s for name, s in sigma.items() if name in truth]
-    return {
-        "promised_mm": zone_promise(found).p95_mm,
-        "delivered_mm": float(np.percentile(error, 95)),
-        "rms_mm": float(np.sqrt((error**2).mean())),
-        "covered": float(np.mean(inside)),
-    }
+    return judged(found, error, truth, sigma)
 
 
 def scaled(cell: Cell, scale: float) -> Cell:
@@ -179,31 +171,15 @@ def answer(table: Table) -> str:
     for scale in distinct(table, "scale"):
         for n in distinct(where(table, scale=scale), "touches"):
             some = where(table, scale=scale, touches=n)
-            promised, delivered, rms = (column(some, name) for name in ("promised_mm", "delivered_mm", "rms_mm"))
-            good = np.isfinite(promised)
-            kept = 100 * (delivered[good] <= promised[good]).mean()
-            ratio, middle = np.median(promised[good] / delivered[good]), np.median(rms[good])
-            covered = 100 * column(some, "covered")[good].mean()
+            good, share, ratio = kept(some)
+            rms, covered = column(some, "rms_mm")[good], 100 * column(some, "covered")[good].mean()
             lines.append(
-                f"{f'x {scale:.3g}':>10}{n:10.0f}{column(some, 'met').mean():10.0f}{good.sum():10d}{kept:10.1f}"
-                f"{ratio:10.2f}{middle:10.3f}{rms[good].max():10.3f}{covered:10.1f}"
+                f"{f'x {scale:.3g}':>10}{n:10.0f}{column(some, 'met').mean():10.0f}{good.sum():10d}{share:10.1f}"
+                f"{ratio:10.2f}{np.median(rms):10.3f}{rms.max():10.3f}{covered:10.1f}"
             )
     return "\n".join(lines)
 
 
 def pictures(table: Table) -> dict[str, str]:
     """Promised and delivered errors of every robot."""
-    promised, delivered = column(table, "promised_mm"), column(table, "delivered_mm")
-    good = np.isfinite(promised)
-    chart = Chart(
-        "Tip error at 95 % of the poses of the zone: a dot a robot, kept below the line",
-        logarithmic("promised, mm", promised[good]),
-        logarithmic("delivered, mm", delivered[good]),
-        width=480,
-        height=360,
-    )
-    x, y = chart.x.scaled(promised[good]), chart.y.scaled(delivered[good])
-    ends = np.array([max(promised[good].min(), delivered[good].min()), promised[good].max()])
-    chart.dots(x, y, AFTER, [f"{e:.3f} mm" for e in delivered[good]])
-    chart.line(chart.x.scaled(ends), chart.y.scaled(ends), OUT)
-    return {"promise": picture(chart)}
+    return {"promise": picture_of_promises(table)}

@@ -26,7 +26,6 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.estimation.calibrate import calibrate
-from identify.model.calibration import Calibration
 from identify.model.cell import CATALOGUE, Cell, Device, Point, Priors, Zone
 from identify.model.files import InputError
 from identify.model.measurement import Measured
@@ -34,12 +33,10 @@ from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import Touches
 from identify.model.urdf.chain import read_urdf
 from identify.model.zone import zone_poses
-from identify.report.svg import AFTER, OUT, Chart, logarithmic, picture
-from identify.uncertainty.posterior import zone_promise
 from oed.planning.kinds import plan_kinds
 from oed.planning.plan import plan
 from probe.virtual.readings import draw_named, readings
-from studies.common import arc_welder
+from studies.common import REFUSED, arc_welder, judged, kept, picture_of_promises
 from studies.engine import Table, column, distinct, where
 from studies.promise import scaled, touched
 
@@ -200,23 +197,11 @@ def _judged(cell: Cell, true: Truth, measured: list[Measured], q: np.ndarray) ->
     try:
         found = calibrate(cell, *measured, folds=0, errors="cell")
     except (InputError, RuntimeError):
-        return dict.fromkeys(("promised_mm", "delivered_mm", "rms_mm", "covered"), float("nan"))
+        return REFUSED
     off = [cell.kinematics.tip(q, theta)[0] for theta in (found.theta, true.theta)]
-    error = np.linalg.norm(off[0] - off[1], axis=1)
-    return {
-        "promised_mm": zone_promise(found).p95_mm,
-        "delivered_mm": float(np.percentile(error, 95)),
-        "rms_mm": float(np.sqrt((error**2).mean())),
-        "covered": covered(found, true),
-    }
-
-
-def covered(found: Calibration, true: Truth) -> float:
-    """The share of 95 % intervals of parameters and of what measurements share that hold the truth."""
     truth = dict(zip(found.cell.robot.parameters, true.theta, strict=True)) | true.shared
-    value = dict(zip(found.cell.robot.parameters, found.theta, strict=True)) | {s.name: s.value for s in found.shared}
     sigma = dict(zip(found.names, np.sqrt(np.diag(found.joint_covariance)), strict=True))
-    return float(np.mean([abs(truth[name] - value[name]) < 1.96 * s for name, s in sigma.items() if name in truth]))
+    return judged(found, np.linalg.norm(off[0] - off[1], axis=1), truth, sigma)
 
 
 def answer(table: Table) -> str:
@@ -225,13 +210,12 @@ def answer(table: Table) -> str:
     lines = [f"{'setup':24}" + "".join(f"{word:>10}" for word in head)]
     for name in distinct(table, "setup"):
         some = where(table, setup=name)
-        promised, delivered, rms, inside, count = (
-            column(some, key) for key in ("promised_mm", "delivered_mm", "rms_mm", "covered", "measurements")
+        good, share, ratio = kept(some)
+        delivered, rms, inside, count = (
+            column(some, key) for key in ("delivered_mm", "rms_mm", "covered", "measurements")
         )
-        good = np.isfinite(promised)
-        kept, ratio = 100 * (delivered[good] <= promised[good]).mean(), np.median(promised[good] / delivered[good])
         lines.append(
-            f"{name:24}{good.sum():10d}{count.mean():10.0f}{kept:10.1f}{ratio:10.2f}{np.median(rms[good]):10.3f}"
+            f"{name:24}{good.sum():10d}{count.mean():10.0f}{share:10.1f}{ratio:10.2f}{np.median(rms[good]):10.3f}"
             f"{np.median(delivered[good]):10.3f}{100 * inside[good].mean():10.1f}"
         )
     return "\n".join(lines)
@@ -239,18 +223,4 @@ def answer(table: Table) -> str:
 
 def pictures(table: Table) -> dict[str, str]:
     """Promised and delivered errors of every robot."""
-    promised, delivered = column(table, "promised_mm"), column(table, "delivered_mm")
-    good = np.isfinite(promised)
-    chart = Chart(
-        "Tip error at 95 % of the poses of the zone: a dot a robot, kept below the line",
-        logarithmic("promised, mm", promised[good]),
-        logarithmic("delivered, mm", delivered[good]),
-        width=480,
-        height=360,
-    )
-    x, y = chart.x.scaled(promised[good]), chart.y.scaled(delivered[good])
-    names = np.array(table["setup"])[good]
-    ends = np.array([max(promised[good].min(), delivered[good].min()), promised[good].max()])
-    chart.dots(x, y, AFTER, [f"{name}: {e:.3f} mm" for name, e in zip(names, delivered[good], strict=True)])
-    chart.line(chart.x.scaled(ends), chart.y.scaled(ends), OUT)
-    return {"setups": picture(chart)}
+    return {"setups": picture_of_promises(table, table["setup"])}

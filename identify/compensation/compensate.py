@@ -110,10 +110,8 @@ def remarks(calibration: Calibration, fixed_to: Hold) -> list[str]:
     )
     if cell.base is not None and fixed_to == "jig":
         apart = inverse(transform(cell.theta[:6])) @ transform(calibration.theta[:6])
-        distance, angle = (
-            float(np.linalg.norm(apart[:3, 3])),
-            np.degrees(np.arccos(min(1.0, (np.trace(apart) - 2) / 2))),
-        )
+        distance = float(np.linalg.norm(apart[:3, 3]))
+        angle = np.degrees(np.arccos(min(1.0, (np.trace(apart) - 2) / 2)))
         if distance > MOVED or angle > MOVED:
             sentences.append(
                 f"the base was found {distance:.2f} mm and {angle:.2f} degrees from where the cell file puts it, and "

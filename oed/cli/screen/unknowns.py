@@ -47,7 +47,9 @@ def kind_lines(measured: Sequence["Measured"]) -> list[str]:
 
 def shared_lines(c: "Calibration") -> list[str]:
     """Further placements, tools and points with their 95 % intervals."""
+    from identify.uncertainty.promise import INTERVAL
+
     return [
-        f"{f'{s.name} {s.unit}':28}{s.value / s.inside:12.4f}{'+-':>10}{1.96 * sigma / s.inside:11.4f}"
+        f"{f'{s.name} {s.unit}':28}{s.value / s.inside:12.4f}{'+-':>10}{INTERVAL * sigma / s.inside:11.4f}"
         for s, sigma in c.named
     ]
