@@ -81,8 +81,8 @@ def compare(cell: Cell, pendant: Pendant) -> Agreement:
     best = Agreement(position, angle / DEG, (), position, angle / DEG)
     if best.agrees:
         return best
-    found = min(_explanations(cell, pendant), key=lambda a: (not a.explained, *_cost(a)))
-    return replace(found, position_mm=position, angle_deg=angle / DEG)
+    agreement = min(_explanations(cell, pendant), key=lambda a: (not a.explained, *_cost(a)))
+    return replace(agreement, position_mm=position, angle_deg=angle / DEG)
 
 
 def _cost(a: Agreement) -> tuple[float, float]:

@@ -46,9 +46,9 @@ def linear() -> Linear:
     cell = with_errors(bare, tuple(ERROR_MODELS))
     names, robot = cell.robot.parameters, cell.robot
     q = rng.uniform(robot.lower, robot.upper, (TOUCHES, 6))
-    made = np.column_stack([rng.choice([-1.0, 1.0], q.shape), rng.uniform(-10, 10, TOUCHES)])
+    conditions = np.column_stack([rng.choice([-1.0, 1.0], q.shape), rng.uniform(-10, 10, TOUCHES)])
     zeros = np.zeros(TOUCHES)
-    rows = Rows(q, np.eye(3)[np.arange(TOUCHES) % 3], zeros, zeros, zeros + SIGMA, (), np.arange(TOUCHES), made)
+    rows = Rows(q, np.eye(3)[np.arange(TOUCHES) % 3], zeros, zeros, zeros + SIGMA, (), np.arange(TOUCHES), conditions)
     J = measurement_model(robot).linearize(cell.theta, rows)[1]
     kept = structure(bare).kept
     geometric = tuple(names.index(bare.robot.parameters[i]) for i in kept)
@@ -72,15 +72,15 @@ def _trial(rng: np.random.Generator, errors: tuple[str, ...]) -> dict[str, Any]:
         truth[index] = size if name == "thermal" else size * rng.choice([-1.0, 1.0], len(index))
     y = about.A @ truth + rng.standard_normal(TOUCHES)
     problem = Linear(about.A, y, about.precision, about.geometric, about.models, about.fold)
-    chosen = choose(problem, np.arange(TOUCHES), np.full(TOUCHES, SIGMA), tuple(ERROR_MODELS)).errors
-    inside = _inside(problem, truth, chosen)
-    right = set(chosen) == set(errors)
-    return {"chosen": " ".join(chosen) or "nothing", "right": int(right), "inside": inside}
+    families = choose(problem, np.arange(TOUCHES), np.full(TOUCHES, SIGMA), tuple(ERROR_MODELS)).errors
+    inside = _inside(problem, truth, families)
+    right = set(families) == set(errors)
+    return {"chosen": " ".join(families) or "nothing", "right": int(right), "inside": inside}
 
 
-def _inside(problem: Linear, truth: Float[np.ndarray, " columns"], chosen: tuple[str, ...]) -> float:
+def _inside(problem: Linear, truth: Float[np.ndarray, " columns"], families: tuple[str, ...]) -> float:
     """Share of the errors of the chosen models that lie inside their 95 % intervals; 1 where there are none."""
-    these, (G, b) = problem.columns(chosen), problem.whole
+    these, (G, b) = problem.columns(families), problem.whole
     C = np.linalg.inv(G[np.ix_(these, these)] + np.diag(problem.precision[these]))
     off = np.abs(C @ b[these] - truth[these]) / np.sqrt(np.diag(C))
     beyond = len(problem.geometric)

@@ -137,8 +137,8 @@ def _by_turns(cell: Cell, truth: Truth, target: float, most: int, rng: np.random
 
 
 def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng: np.random.Generator) -> Outcome:
-    cell, (wide, planned) = _cell(off), _shot(off, strategy, n, offered)
-    touches = touch_batch(wide, truth, planned, rng, blind=True)
+    cell, (wide, result) = _cell(off), _shot(off, strategy, n, offered)
+    touches = touch_batch(wide, truth, result, rng, blind=True)
     met = touches.take(np.array([status == HIT for status in touches.status]))
     try:
         belief = believe(cell, met)
@@ -150,13 +150,13 @@ def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng:
 
 
 @lru_cache(maxsize=16)
-def _shot(off: float, strategy: str, n: int, offered: int) -> tuple[Cell, Plan]:
+def _shot(off: float, strategy: str, n: int, count: int) -> tuple[Cell, Plan]:
     """Touches for the robot on the drawing, and the cell with the search of a campaign's first stage."""
     cell = _cell(off)
     approach = max(cell.touch.approach, off * LONGEST)
     wide = replace(cell, touch=replace(cell.touch, approach=approach, travel=2 * approach))
-    planned = plan(wide, n, rng=np.random.default_rng(n), strategy=strategy, count=offered, lifting=False)
-    return wide, planned.plan
+    result = plan(wide, n, rng=np.random.default_rng(n), strategy=strategy, count=count, lifting=False)
+    return wide, result.plan
 
 
 def answer(table: Table) -> str:

@@ -48,16 +48,18 @@ def zone(poses: int) -> Float[np.ndarray, "poses joints"]:
 
 
 def judged(
-    found: Calibration, error: Float[np.ndarray, " poses"], truth: Mapping[str, float], sigma: Mapping[str, float]
+    calibration: Calibration, error: Float[np.ndarray, " poses"], truth: Mapping[str, float], sigma: Mapping[str, float]
 ) -> dict[str, float]:
     """What a calibration promised, the tip errors [mm] that it leaves, and the share of its intervals that hold.
 
     `truth` and `sigma` are true values and standard deviations of unknowns by their names, in the model's units.
     """
-    value = dict(zip(found.cell.robot.parameters, found.theta, strict=True)) | {s.name: s.value for s in found.shared}
+    value = dict(zip(calibration.cell.robot.parameters, calibration.theta, strict=True)) | {
+        s.name: s.value for s in calibration.shared
+    }
     inside = [abs(truth[name] - value.get(name, 0.0)) < INTERVAL * s for name, s in sigma.items() if name in truth]
     return {
-        "promised_mm": zone_promise(found).p95_mm,
+        "promised_mm": zone_promise(calibration).p95_mm,
         "delivered_mm": float(np.percentile(error, 95)),
         "rms_mm": float(np.sqrt((error**2).mean())),
         "covered": float(np.mean(inside)),

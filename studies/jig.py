@@ -52,10 +52,10 @@ def tasks(small: bool) -> list[dict[str, Any]]:
     size = {"offered": 400, "robots": 8} if small else {"offered": 5000, "robots": ROBOTS}
     places = list(SECOND)[:1] if small else list(SECOND)
     starts, steps = (1, 2) if small else (STARTS, STEPS)
-    found: list[dict[str, Any]] = [{"part": "second", "name": name, "steps": 0, **size} for name in places]
+    tasks: list[dict[str, Any]] = [{"part": "second", "name": name, "steps": 0, **size} for name in places]
     search = {"steps": steps} | size | {"offered": 400 if small else 1500}
-    found += [{"part": "placement", "name": f"search {k + 1}", **search} for k in range(starts)]
-    return [*found, {"part": "faces", "name": "", "steps": 0, **size}]
+    tasks += [{"part": "placement", "name": f"search {k + 1}", **search} for k in range(starts)]
+    return [*tasks, {"part": "faces", "name": "", "steps": 0, **size}]
 
 
 def run(rng: np.random.Generator, part: str, name: str, offered: int, robots: int, steps: int) -> list[dict[str, Any]]:
@@ -74,38 +74,43 @@ _EMPTY: dict[str, Any] = {
 
 def _faces(rng: np.random.Generator, name: str, count: int, robots: int, steps: int) -> list[dict[str, Any]]:
     cell = arc_welder()
-    made = candidate_set(cell, rng, count=count)
-    names, of = list(cell.the_jig.by_name), np.array(made.candidates.names())
+    offer = candidate_set(cell, rng, count=count)
+    names, of = list(cell.the_jig.by_name), np.array(offer.candidates.names())
     sets = {"all faces": names} | {f"without {face}": [n for n in names if n != face] for face in names}
     sets |= {"three faces": list(THREE)}
     sets |= {f"three and {face}": [*THREE, face] for face in names if face not in THREE}
-    return [_judged(made, np.flatnonzero(np.isin(of, some)), what, robots, rng) for what, some in sets.items()]
+    return [_judged(offer, np.flatnonzero(np.isin(of, some)), what, robots, rng) for what, some in sets.items()]
 
 
 def _judged(
-    made: CandidateSet, some: np.ndarray, name: str, robots: int, rng: np.random.Generator, at: np.ndarray | None = None
+    offer: CandidateSet,
+    some: np.ndarray,
+    name: str,
+    robots: int,
+    rng: np.random.Generator,
+    at: np.ndarray | None = None,
 ) -> dict[str, Any]:
     """What some of the touches on offer promise, and what they deliver."""
-    coordinates = made.all_unknowns
-    rows = made.rows_of(made.candidates)[some] @ coordinates.basis  # all of them meet: they are aimed
+    coordinates = offer.all_unknowns
+    rows = offer.rows_of(offer.candidates)[some] @ coordinates.basis  # all of them meet: they are aimed
     tip, prior = coordinates.tip_rows(zone(POSES)), coordinates.precision
-    found = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=prior, zone=tip)
-    chosen = exact_design(
+    relaxation = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=prior, zone=tip)
+    members = exact_design(
         rows,
         TOUCHES,
         "V",
         prior=prior,
         zone=tip,
-        relaxation=found,
+        relaxation=relaxation,
         iterations=SEARCHES if robots == ROBOTS else 6,
         rng=rng,
     ).indices
-    cell, planned = made.cell, plan_of(made.candidates.take(some[chosen]))
+    cell, planned = offer.cell, plan_of(offer.candidates.take(some[members]))
     theta = draw_many(cell, robots, rng)
     touched = touch_every(cell, theta, planned, rng, proud=draw_faces(cell, planned, robots, rng))
     error = errors_in_zone(cell, theta, calibrate_many(cell, touched, eliminate=False).theta, zone(POSES))
     place = {} if at is None else _said(at)
-    return {"name": name, **place, "promised_mm": float(np.sqrt(found.value)), "simulated_mm": _rms(error)}
+    return {"name": name, **place, "promised_mm": float(np.sqrt(relaxation.value)), "simulated_mm": _rms(error)}
 
 
 def _rms(error: np.ndarray) -> float:
@@ -126,12 +131,12 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
     """A search for the place: where it was looked, then the best place with robots to confirm it."""
     from scipy.optimize import minimize
 
-    seen: list[tuple[float, np.ndarray]] = []
+    visits: list[tuple[float, np.ndarray]] = []
 
     def error(at: np.ndarray) -> float:
         at = np.clip(at, -1, 1) * REACH
         value = _promise(at, count)
-        seen.append((value, at))
+        visits.append((value, at))
         return value if np.isfinite(value) else OUT_OF_REACH
 
     present = error(np.zeros(6))
@@ -139,8 +144,8 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
     best = starts[int(np.argmin([error(start) for start in starts]))]
     corners = np.vstack([best, best + 0.25 * np.diag(np.where(best > 0, -1.0, 1.0))])
     minimize(error, best, method="Nelder-Mead", options={"maxfev": steps, "initial_simplex": corners})
-    rows = [{"name": name, **_said(at), "promised_mm": value} for value, at in seen]
-    at = min((pair for pair in seen if np.isfinite(pair[0])), key=lambda pair: pair[0])[1]
+    rows = [{"name": name, **_said(at), "promised_mm": value} for value, at in visits]
+    at = min((pair for pair in visits if np.isfinite(pair[0])), key=lambda pair: pair[0])[1]
     final = candidate_set(moved(arc_welder(), at), np.random.default_rng(1), count=2 * count)
     confirmed = _judged(final, np.arange(len(final.candidates)), "best", robots, rng, at)
     assert np.isfinite(present)
@@ -150,13 +155,13 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
 def _promise(at: np.ndarray, count: int) -> float:
     """The RMS tip error that the jig promises from a place; NaN where the robot cannot touch it, or cannot learn."""
     try:
-        made = candidate_set(moved(arc_welder(), at), np.random.default_rng(0), count=count)
-        coordinates = made.all_unknowns
-        tip, rows = coordinates.tip_rows(zone(POSES)), made.rows_of(made.candidates) @ coordinates.basis
-        found = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=coordinates.precision, zone=tip)
+        offer = candidate_set(moved(arc_welder(), at), np.random.default_rng(0), count=count)
+        coordinates = offer.all_unknowns
+        tip, rows = coordinates.tip_rows(zone(POSES)), offer.rows_of(offer.candidates) @ coordinates.basis
+        relaxation = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=coordinates.precision, zone=tip)
     except (InputError, ValueError, np.linalg.LinAlgError):
         return float("nan")
-    return float(np.sqrt(found.value))
+    return float(np.sqrt(relaxation.value))
 
 
 def _said(at: np.ndarray) -> dict[str, float]:

@@ -23,7 +23,7 @@ import numpy as np
 
 from identify.estimation.calibrate import calibrate
 from identify.model.cell import Cell, Device, Point
-from identify.model.measurement import Measured
+from identify.model.measurement import Measurements
 from identify.model.zone import zone_poses
 from identify.report.svg import Chart, colour, logarithmic, picture
 from oed.planning.kinds import plan_kinds
@@ -65,30 +65,30 @@ def problem(kinds: str, count: int) -> KindsProblem:
 def run(rng: np.random.Generator, kinds: str, minutes: float, robots: int, count: int) -> list[dict[str, Any]]:
     """One row: what the bound of the design, the plan and robots that make it say of the tip error in the zone."""
     bound = problem(kinds, count).design(minutes, excursions=0)[0].relaxation
-    planned = plan_kinds(cell(), kinds.split(","), minutes, rng=np.random.default_rng(0), count=count)
+    design = plan_kinds(cell(), kinds.split(","), minutes, rng=np.random.default_rng(0), count=count)
     q, errors = zone_poses(cell(), rng=np.random.default_rng(4711)), []
     for _ in range(robots):
         theta = cell().theta + cell().spread * rng.standard_normal(len(cell().theta))
         further = draw_named(cell(), rng)
         faces = {face.name: face.tolerance * rng.standard_normal() for face in cell().the_jig.faces}
-        tables: list[Measured] = [
+        tables: list[Measurements] = [
             touched(cell(), part.plan, theta, faces, rng)
             if part.table is None
             else readings(cell(), part.table, theta, rng, further)
-            for part in planned.parts
+            for part in design.parts
         ]
-        found = calibrate(cell(), *tables, folds=0, errors="cell")
-        off = [cell().kinematics.tip(q, one)[0] for one in (found.theta, theta)]
+        calibration = calibrate(cell(), *tables, folds=0, errors="cell")
+        off = [cell().kinematics.tip(q, one)[0] for one in (calibration.theta, theta)]
         errors.append(np.linalg.norm(off[0] - off[1], axis=1))
     rms = np.sqrt((np.array(errors) ** 2).mean(axis=1))
     return [
         {
             "kinds": kinds,
             "minutes": minutes,
-            "measured": " + ".join(f"{n} {kind}" for kind, n in planned.counts.items()),
+            "measured": " + ".join(f"{n} {kind}" for kind, n in design.counts.items()),
             "bound_rms_mm": float(np.sqrt(bound.bound)),
-            "promised_rms_mm": planned.promise.rms_mm,
-            "promised_p95_mm": planned.promise.p95_mm,
+            "promised_rms_mm": design.promise.rms_mm,
+            "promised_p95_mm": design.promise.p95_mm,
             "rms_mm": float(np.median(rms)),
             "p95_mm": float(np.quantile(np.array(errors), 0.95)),
         }

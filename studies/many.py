@@ -143,12 +143,12 @@ def _made(cell: Cell, plan: Plan, q: np.ndarray, hit: np.ndarray) -> ManyTouches
 def errors_in_zone(
     cell: Cell,
     true: Float[np.ndarray, "robots parameters"],
-    found: Float[np.ndarray, "robots parameters"],
+    estimate: Float[np.ndarray, "robots parameters"],
     zone: Float[np.ndarray, "poses joints"],
 ) -> Float[np.ndarray, "robots poses"]:
     """How far the tip of each robot is from where its calibration says, at poses of the zone [mm]."""
     q = np.tile(zone, (len(true), 1))
-    tips = [cell.kinematics.tip(q, np.repeat(theta, len(zone), axis=0))[0] for theta in (true, found)]
+    tips = [cell.kinematics.tip(q, np.repeat(theta, len(zone), axis=0))[0] for theta in (true, estimate)]
     return np.asarray(np.linalg.norm(tips[0] - tips[1], axis=1)).reshape(len(true), len(zone))
 
 

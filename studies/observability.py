@@ -40,8 +40,8 @@ def run(rng: np.random.Generator, part: int, sets: int, robots: int) -> list[dic
     cell, offer, poses = arc_welder(), offered(structured=False), zone(200)
     rows = []
     for k in range(sets):
-        chosen = _spread(rng, offer.candidates.q, k % 2 == 0)
-        touches = offer.candidates.take(chosen)
+        members = _spread(rng, offer.candidates.q, k % 2 == 0)
+        touches = offer.candidates.take(members)
         plan = plan_of(touches)
         theta = draw_many(cell, robots, rng)
         made = touch_every(cell, theta, plan, rng, proud=draw_faces(cell, plan, robots, rng))
@@ -52,7 +52,7 @@ def run(rng: np.random.Generator, part: int, sets: int, robots: int) -> list[dic
                 "set": part * sets + k,
                 "drawn": ["from all", "nearby"][k % 2],
                 **WORST,
-                **indices(offer, offer.rows_of(offer.candidates)[chosen]),
+                **indices(offer, offer.rows_of(offer.candidates)[members]),
                 "rms_mm": rms,
             }
         )

@@ -66,11 +66,13 @@ def _truth() -> np.ndarray:
 
 def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     """What the paper prints about its residuals, and what it could not: the error of the tip elsewhere."""
-    cell, planned = arc_welder(), touches_of_the_paper()
+    cell, touch_plan = arc_welder(), touches_of_the_paper()
     true = np.tile(_truth(), (repeats, 1))
-    touches = touch_every(cell, true, planned, rng, sigma=SIGMA)
+    touches = touch_every(cell, true, touch_plan, rng, sigma=SIGMA)
     fits = calibrate_many(cell, touches, eliminate=True)
-    before, after = (_residuals(touches.q, planned, theta) for theta in (np.tile(cell.theta, (repeats, 1)), fits.theta))
+    before, after = (
+        _residuals(touches.q, touch_plan, theta) for theta in (np.tile(cell.theta, (repeats, 1)), fits.theta)
+    )
     error = errors_in_zone(cell, true, fits.theta, zone(200))
     return [
         {
@@ -86,27 +88,27 @@ def _figures(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
 
 def _minutes(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     """What the touches take on the virtual controller, by its own clock, through the driver and a pseudo-terminal."""
-    cell, made = arc_welder(), touches_of_the_paper()
+    cell, touch_plan = arc_welder(), touches_of_the_paper()
     slow = replace(cell, touch=replace(cell.touch, speed=5.0))
     with (
-        serve(slow, Truth(cell.theta), speed=np.inf, start=made.approach[0]) as served,
+        serve(slow, Truth(cell.theta), speed=np.inf, start=touch_plan.approach[0]) as served,
         TemporaryDirectory() as folder,
         closing(open_controller(served.url, "line", cell.robot, clock=Clock(1.0, served.clock.now))) as controller,
     ):
         clock = Clock(1.0, served.clock.now)
-        with Session(Path(folder) / "touches.csv", slow, made, clock=clock) as session:
-            finished = make_touches(made, controller, session, Settings(trust_position=True), clock=clock)
+        with Session(Path(folder) / "touches.csv", slow, touch_plan, clock=clock) as session:
+            finished = make_touches(touch_plan, controller, session, Settings(trust_position=True), clock=clock)
     return [{"minutes": finished.seconds / 60, "hits": float(finished.hits)}]
 
 
-def _residuals(q: np.ndarray, planned: Plan, theta: np.ndarray) -> np.ndarray:
+def _residuals(q: np.ndarray, touch_plan: Plan, theta: np.ndarray) -> np.ndarray:
     """Residuals of each robot's touches by its own parameters [mm]."""
     cell = arc_welder()
-    return np.array([measurement_model(cell.robot).residual(t, _rows(q[k], planned)) for k, t in enumerate(theta)])
+    return np.array([measurement_model(cell.robot).residual(t, _rows(q[k], touch_plan)) for k, t in enumerate(theta)])
 
 
-def _rows(q: np.ndarray, planned: Plan, radius: float | None = None) -> Rows:
-    cell, made = arc_welder(), planned
+def _rows(q: np.ndarray, touch_plan: Plan, radius: float | None = None) -> Rows:
+    cell, made = arc_welder(), touch_plan
     offset = np.array([cell.the_jig.by_name[name].offset for name in made.face])
     m = len(made)
     return Rows(
@@ -126,8 +128,8 @@ def _pivots(rng: np.random.Generator, repeats: int) -> list[dict[str, Any]]:
     Columns of E are scaled to one length, and the largest pivot left is taken next. The wire is a point, as the
     paper's is.
     """
-    cell, planned = arc_welder(), touches_of_the_paper()
-    E = measurement_model(cell.robot).linearize(cell.theta, _rows(planned.q, planned, radius=0.0))[1]
+    cell, touch_plan = arc_welder(), touches_of_the_paper()
+    E = measurement_model(cell.robot).linearize(cell.theta, _rows(touch_plan.q, touch_plan, radius=0.0))[1]
     size = np.linalg.norm(E, axis=0)
     E = E[:, size > 0] / size[size > 0]
     M = E.T @ E

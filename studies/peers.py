@@ -201,19 +201,19 @@ def pictures(table: Table) -> dict[str, str]:
 
 
 def _chart(table: Table, identify: bool, name: str, title: str) -> str:
-    shown = [data for data in distinct(table, "data") if (data in IDENTIFY) == identify]
-    methods = list(dict.fromkeys(m for data in shown for m in distinct(where(table, data=data), "method")))
+    names = [data for data in distinct(table, "data") if (data in IDENTIFY) == identify]
+    methods = list(dict.fromkeys(m for data in names for m in distinct(where(table, data=data), "method")))
     value = {
         (data, m): 100 * (1 - middle(table, data, m, "efficiency")) if name == "loss" else middle(table, data, m, name)
-        for data in shown
+        for data in names
         for m in methods
     }
     about = "Identification from 100 measurements" if identify else "Choosing 50 touches"
     chart = Chart(f"{about}: {title}", named("", methods), logarithmic(title, list(value.values())), slanted=True)
-    for k, data in enumerate(shown):
+    for k, data in enumerate(names):
         points = [(i, value[data, m]) for i, m in enumerate(methods) if np.isfinite(value[data, m])]
         x, y = (np.array(part, dtype=float) for part in zip(*points, strict=True)) if points else (np.empty(0),) * 2
         hints = [f"{methods[int(i)]}, {WORDS[data]}: {v:.4g}" for i, v in zip(x, y, strict=True)]
-        chart.dots(x + 0.16 * (k - (len(shown) - 1) / 2), chart.y.scaled(y), COLOURS[data], hints, 4)
-    chart.legend([(COLOURS[data], WORDS[data]) for data in shown])
+        chart.dots(x + 0.16 * (k - (len(names) - 1) / 2), chart.y.scaled(y), COLOURS[data], hints, 4)
+    chart.legend([(COLOURS[data], WORDS[data]) for data in names])
     return picture(chart)

@@ -54,15 +54,15 @@ def tasks(small: bool) -> list[dict[str, Any]]:
 def run(rng: np.random.Generator, n: int, scale: float, batch: int, robots: int, offered: int) -> list[dict[str, Any]]:
     """One row a robot: touches that met, tip error, promise, and the share of intervals that hold the truth."""
     cell = scaled(arc_welder(), scale)
-    planned = _planned(scale, n, offered)
+    design = _planned(scale, n, offered)
     q = zone_poses(cell, rng=np.random.default_rng(4711))
     rows = []
     for _ in range(robots):
         true = cell.theta + cell.spread * rng.standard_normal(len(cell.theta))
         off = {face.name: face.tolerance * rng.standard_normal() for face in cell.the_jig.faces}
-        made = touched(cell, planned.plan, true, off, rng)
-        row = {"touches": n, "scale": scale, "met": len(made), "planned_mm": planned.promise.p95_mm}
-        rows.append(row | _judged(cell, made, true, off, q))
+        touches = touched(cell, design.plan, true, off, rng)
+        row = {"touches": n, "scale": scale, "met": len(touches), "planned_mm": design.promise.p95_mm}
+        rows.append(row | _judged(cell, touches, true, off, q))
     return rows
 
 
@@ -72,17 +72,19 @@ def _planned(scale: float, n: int, offered: int) -> PlanResult:
     return plan(scaled(arc_welder(), scale), n, rng=np.random.default_rng(0), count=offered)
 
 
-def _judged(cell: Cell, made: Touches, true: np.ndarray, off: dict[str, float], q: np.ndarray) -> dict[str, float]:
+def _judged(cell: Cell, touches: Touches, true: np.ndarray, off: dict[str, float], q: np.ndarray) -> dict[str, float]:
     """What a robot was promised, and what it got; NaN if its touches were refused."""
     try:
-        found = calibrate(cell, made, folds=0)
+        calibration = calibrate(cell, touches, folds=0)
     except (InputError, RuntimeError):
         return REFUSED
-    error = np.linalg.norm(found.cell.kinematics.tip(q, found.theta)[0] - tips(cell.robot, q, true)[0], axis=1)
-    known = posterior(found)
-    sigma = dict(zip(known.unknowns.names, np.sqrt(np.diag(known.covariance())), strict=True))
+    error = np.linalg.norm(
+        calibration.cell.kinematics.tip(q, calibration.theta)[0] - tips(cell.robot, q, true)[0], axis=1
+    )
+    information = posterior(calibration)
+    sigma = dict(zip(information.unknowns.names, np.sqrt(np.diag(information.covariance())), strict=True))
     truth = dict(zip(cell.robot.parameters, true, strict=True)) | {f"face.{name}": b for name, b in off.items()}
-    return judged(found, error, truth, sigma)
+    return judged(calibration, error, truth, sigma)
 
 
 def scaled(cell: Cell, scale: float) -> Cell:
@@ -93,15 +95,19 @@ def scaled(cell: Cell, scale: float) -> Cell:
 
 
 def touched(
-    cell: Cell, planned: Plan, theta: Float[np.ndarray, " parameters"], off: dict[str, float], rng: np.random.Generator
+    cell: Cell,
+    touch_plan: Plan,
+    theta: Float[np.ndarray, " parameters"],
+    off: dict[str, float],
+    rng: np.random.Generator,
 ) -> Touches:
     """The touches of a robot that meet their faces, which stand `off` [mm] outside of their drawing."""
-    faces = [cell.the_jig.by_name[name] for name in planned.face]
+    faces = [cell.the_jig.by_name[name] for name in touch_plan.face]
     normal, offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])
-    plane = offset + [off[name] for name in planned.face] + cell.touch.sigma * rng.standard_normal(len(faces))
+    plane = offset + [off[name] for name in touch_plan.face] + cell.touch.sigma * rng.standard_normal(len(faces))
 
     def gap(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        p, R = tips(cell.robot, planned.approach + s[:, None] * (planned.q - planned.approach), theta)
+        p, R = tips(cell.robot, touch_plan.approach + s[:, None] * (touch_plan.q - touch_plan.approach), theta)
         lean = (R[:, :, 2] * normal).sum(axis=1)
         extent = cell.wire.ball + cell.wire.flat * np.sqrt(np.maximum(1 - lean**2, 0.0))
         return (p * normal).sum(axis=1) - extent - plane, p
@@ -116,10 +122,10 @@ def touched(
         low, high = np.where(inside, low, middle), np.where(inside, middle, high)
     at = np.array([face.fractions(p) for face, p in zip(faces, gap(high)[1], strict=True)])
     met = np.flatnonzero(crosses.any(axis=0) & ((at > 0) & (at < 1)).all(axis=1))
-    blank, q = ("",) * len(faces), planned.approach + high[:, None] * (planned.q - planned.approach)
+    blank, q = ("",) * len(faces), touch_plan.approach + high[:, None] * (touch_plan.q - touch_plan.approach)
     return Touches(
-        planned.ids,
-        planned.face,
+        touch_plan.ids,
+        touch_plan.face,
         q,
         normal,
         offset,
@@ -128,7 +134,7 @@ def touched(
         np.full(len(faces), np.nan),
         blank,
         blank,
-        planned.approach,
+        touch_plan.approach,
     ).take(met)
 
 

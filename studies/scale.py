@@ -23,7 +23,7 @@ from jaxtyping import Float
 from identify.estimation.calibrate import calibrate
 from identify.model.cell import Cell, Device, Point, Spacing
 from identify.model.files import InputError
-from identify.model.measurement import Measured
+from identify.model.measurement import Measurements
 from identify.model.zone import zone_poses
 from identify.report.svg import Chart, colour, logarithmic, picture
 from oed.candidates.kinds import measurements
@@ -43,12 +43,12 @@ NEAR = 0.25  # of the priors of the library cell
 def tasks(small: bool) -> list[dict[str, Any]]:
     """A known length and how well it is known, a task; first no length at all."""
     sigmas, robots = (SIGMAS[1:2], 2) if small else (SIGMAS, ROBOTS)
-    known = [{"pair": k, "sigma": sigma} for k in range(len(LENGTHS)) for sigma in sigmas]
-    return [{"pair": -1, "sigma": 0.0, "robots": min(robots, 5)}, *({**one, "robots": robots} for one in known)]
+    tasks = [{"pair": k, "sigma": sigma} for k in range(len(LENGTHS)) for sigma in sigmas]
+    return [{"pair": -1, "sigma": 0.0, "robots": min(robots, 5)}, *({**one, "robots": robots} for one in tasks)]
 
 
 @lru_cache(maxsize=1)
-def planned() -> tuple[Cell, Measured]:
+def planned() -> tuple[Cell, Measurements]:
     """Sockets about where they stand, and postures in them."""
     points = {f"socket_{k}": Point(place, 0.0) for k, place in enumerate(SOCKETS)}
     cell = replace(scaled(arc_welder(), NEAR), jig=None, zone=arc_welder().zone, points=points)
@@ -59,13 +59,13 @@ def planned() -> tuple[Cell, Measured]:
 def run(rng: np.random.Generator, pair: int, sigma: float, robots: int) -> list[dict[str, Any]]:
     """One row a robot: the error of its scale, and of the tip in the zone once it is laid over the truth."""
     cell, table = planned()
-    fitted = replace(cell, points={name: Point(None) for name in cell.points})
+    start = replace(cell, points={name: Point(None) for name in cell.points})
     q, rows = zone_poses(cell, rng=np.random.default_rng(4711)), []
     for _ in range(robots):
         theta = cell.theta + cell.spread * rng.standard_normal(len(cell.theta))
         places = SOCKETS + rng.standard_normal(SOCKETS.shape)
         true = dict(zip(cell.points, places, strict=True))
-        made = readings(replace(cell, points={n: Point(p) for n, p in true.items()}), table, theta, rng)
+        tables = readings(replace(cell, points={n: Point(p) for n, p in true.items()}), table, theta, rng)
         spacings: tuple[Spacing, ...] = ()
         if pair >= 0:
             a, b = LENGTHS[pair]
@@ -78,11 +78,11 @@ def run(rng: np.random.Generator, pair: int, sigma: float, robots: int) -> list[
             else 0.0
         }
         try:
-            found = calibrate(replace(fitted, spacings=spacings), made, folds=0, errors="cell")
+            calibration = calibrate(replace(start, spacings=spacings), tables, folds=0, errors="cell")
         except InputError:
             rows.append(row | {"sigma_mm": sigma, "refused": 1, "scale_ppm": np.nan, "rms_mm": np.nan})
             continue
-        tips = [cell.kinematics.tip(q, one)[0] for one in (found.theta, theta)]
+        tips = [cell.kinematics.tip(q, one)[0] for one in (calibration.theta, theta)]
         rms, scale = laid_over(*tips)
         rows.append(row | {"sigma_mm": sigma, "refused": 0, "scale_ppm": 1e6 * (scale - 1), "rms_mm": rms})
     return rows

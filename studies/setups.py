@@ -28,7 +28,7 @@ from jaxtyping import Float
 from identify.estimation.calibrate import calibrate
 from identify.model.cell import CATALOGUE, Cell, Device, Point, Priors, Zone
 from identify.model.files import InputError
-from identify.model.measurement import Measured
+from identify.model.measurement import Measurements
 from identify.model.robot import POSE_NAMES, Robot
 from identify.model.touch import Touches
 from identify.model.urdf.chain import read_urdf
@@ -62,7 +62,7 @@ class Truth:
     shared: dict[str, float]
 
 
-Setup = tuple[Cell, Callable[[np.random.Generator], tuple[Truth, list[Measured]]]]
+Setup = tuple[Cell, Callable[[np.random.Generator], tuple[Truth, list[Measurements]]]]
 
 
 def _drawn(cell: Cell, rng: np.random.Generator) -> Float[np.ndarray, " parameters"]:
@@ -83,7 +83,7 @@ def _planned(cell: Cell, kind: str, budget: float, count: int) -> Setup:
     assert part.table is not None
     table = part.table
 
-    def make(rng: np.random.Generator) -> tuple[Truth, list[Measured]]:
+    def make(rng: np.random.Generator) -> tuple[Truth, list[Measurements]]:
         theta, further = _drawn(cell, rng), draw_named(cell, rng)
         return Truth(theta, _by_axis(further)), [readings(cell, table, theta, rng, further)]
 
@@ -111,16 +111,18 @@ def _stands(count: int) -> Setup:
     other = replace(first, base=first.theta[:6] + SECOND)
     plans = [plan(c, 60, rng=np.random.default_rng(0), count=count).plan for c in (first, other)]
 
-    def make(rng: np.random.Generator) -> tuple[Truth, list[Measured]]:
+    def make(rng: np.random.Generator) -> tuple[Truth, list[Measurements]]:
         theta = _drawn(first, rng)
         second = theta[:6] + SECOND + np.repeat([20.0, np.radians(3.0)], 3) * rng.uniform(-1, 1, 6) * 0.25
         faces = {face.name: face.tolerance * rng.standard_normal() for face in cell.the_jig.faces}
-        moved = np.concatenate([second, theta[6:]])
+        placement = np.concatenate([second, theta[6:]])
         tables: list[Touches] = []
-        for k, (c, p, t) in enumerate(zip((first, other), plans, (theta, moved), strict=True)):
-            made = touched(c, p, t, faces, rng)
-            ids = tuple(f"{k}-{name}" for name in made.ids)
-            tables.append(replace(made, ids=ids, placement=("second",) * len(ids)) if k else replace(made, ids=ids))
+        for k, (c, p, t) in enumerate(zip((first, other), plans, (theta, placement), strict=True)):
+            touches = touched(c, p, t, faces, rng)
+            ids = tuple(f"{k}-{name}" for name in touches.ids)
+            tables.append(
+                replace(touches, ids=ids, placement=("second",) * len(ids)) if k else replace(touches, ids=ids)
+            )
         shared = {f"face.{name}": b for name, b in faces.items()} | _by_axis({"placement.second": second})
         return Truth(theta, shared), list(tables)
 
@@ -186,22 +188,22 @@ def run(rng: np.random.Generator, name: str, batch: int, robots: int, count: int
     zone = zone_poses(cell, rng=np.random.default_rng(4711))
     rows = []
     for _ in range(robots):
-        true, measured = make(rng)
-        row: dict[str, Any] = {"setup": name, "measurements": sum(map(len, measured))}
-        rows.append(row | _judged(cell, true, measured, zone))
+        true, tables = make(rng)
+        row: dict[str, Any] = {"setup": name, "measurements": sum(map(len, tables))}
+        rows.append(row | _judged(cell, true, tables, zone))
     return rows
 
 
-def _judged(cell: Cell, true: Truth, measured: list[Measured], q: np.ndarray) -> dict[str, float]:
+def _judged(cell: Cell, true: Truth, tables: list[Measurements], q: np.ndarray) -> dict[str, float]:
     """NaN if the measurements were refused."""
     try:
-        found = calibrate(cell, *measured, folds=0, errors="cell")
+        calibration = calibrate(cell, *tables, folds=0, errors="cell")
     except (InputError, RuntimeError):
         return REFUSED
-    off = [cell.kinematics.tip(q, theta)[0] for theta in (found.theta, true.theta)]
-    truth = dict(zip(found.cell.robot.parameters, true.theta, strict=True)) | true.shared
-    sigma = dict(zip(found.names, np.sqrt(np.diag(found.joint_covariance)), strict=True))
-    return judged(found, np.linalg.norm(off[0] - off[1], axis=1), truth, sigma)
+    off = [cell.kinematics.tip(q, theta)[0] for theta in (calibration.theta, true.theta)]
+    truth = dict(zip(calibration.cell.robot.parameters, true.theta, strict=True)) | true.shared
+    sigma = dict(zip(calibration.names, np.sqrt(np.diag(calibration.joint_covariance)), strict=True))
+    return judged(calibration, np.linalg.norm(off[0] - off[1], axis=1), truth, sigma)
 
 
 def answer(table: Table) -> str:

@@ -72,9 +72,9 @@ def chosen(rng: np.random.Generator, name: str, n: int, offered: int) -> Plan:
 
 
 def _at_once(rng: np.random.Generator, name: str, n: int, theta: np.ndarray, offered: int) -> np.ndarray:
-    cell, planned = arc_welder(), chosen(rng, name, n, offered)
-    proud = draw_faces(cell, planned, len(theta), rng)
-    return calibrate_many(cell, touch_every(cell, theta, planned, rng, proud=proud), eliminate=False).theta
+    cell, touch_plan = arc_welder(), chosen(rng, name, n, offered)
+    proud = draw_faces(cell, touch_plan, len(theta), rng)
+    return calibrate_many(cell, touch_every(cell, theta, touch_plan, rng, proud=proud), eliminate=False).theta
 
 
 def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int) -> np.ndarray:
@@ -84,8 +84,8 @@ def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int)
     for true in theta[:, None]:
         touches = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
         if n > FIRST:
-            offered = candidate_set(cell, rng, after=calibrate(cell, *touches, folds=0, errors="cell"), count=count)
-            rest = plan_of(Setting(offered, "V", "optimal", rng).quickly(n - FIRST))
+            offer = candidate_set(cell, rng, after=calibrate(cell, *touches, folds=0, errors="cell"), count=count)
+            rest = plan_of(Setting(offer, "V", "optimal", rng).quickly(n - FIRST))
             touches.append(
                 _touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b")
             )
@@ -93,23 +93,23 @@ def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int)
     return np.array(errors)
 
 
-def _touches(planned: Plan, made: ManyTouches, mark: str = "a") -> Touches:
+def _touches(touch_plan: Plan, simulation: ManyTouches, mark: str = "a") -> Touches:
     """The touches of one robot as the driver writes them; misses are left out."""
-    count, nothing = len(planned), ("",) * len(planned)
-    ids = tuple(f"{mark}{name}" for name in planned.ids)
+    count, nothing = len(touch_plan), ("",) * len(touch_plan)
+    ids = tuple(f"{mark}{name}" for name in touch_plan.ids)
     table = Touches(
         ids,
-        planned.face,
-        made.q[0],
-        made.normal,
-        made.offset,
-        made.sigma,
+        touch_plan.face,
+        simulation.q[0],
+        simulation.normal,
+        simulation.offset,
+        simulation.sigma,
         (HIT,) * count,
         np.full(count, np.nan),
         nothing,
         nothing,
     )
-    return table.take(made.hit[0])
+    return table.take(simulation.hit[0])
 
 
 def medians(table: Table, measure: str = "rms_mm") -> dict[str, dict[int, float]]:

@@ -29,7 +29,7 @@ from identify.model.calibration import (
     summarize,
 )
 from identify.model.cell import Cell
-from identify.model.measurement import Measured, Rows, equations
+from identify.model.measurement import Measurements, Rows, equations
 from identify.uncertainty.unknowns import Unknowns
 
 __all__ = ["CalibrationFailed", "calibrate"]
@@ -37,7 +37,7 @@ __all__ = ["CalibrationFailed", "calibrate"]
 
 def calibrate(
     cell: Cell,
-    *measured: Measured,
+    *tables: Measurements,
     loss: str = "huber",
     priors: bool = True,
     parameters: Literal["all", "identifiable"] = "all",
@@ -58,10 +58,10 @@ def calibrate(
     at `start`, or at the nominal robot. Raises InputError if the touches cannot determine the parameters, and
     CalibrationFailed if Ipopt does not converge.
     """
-    if not measured or any(isinstance(tables, list | tuple) for tables in measured):
+    if not tables or any(isinstance(table, list | tuple) for table in tables):
         raise TypeError("calibrate takes measurements table by table: calibrate(cell, *read_measurements(path, cell))")
     rng, cell = np.random.default_rng(0) if rng is None else rng, cell_with_errors(cell, errors)
-    whole = equations(cell, measured)
+    whole = equations(cell, tables)
     problem = Problem.pose(cell, whole, loss, priors, parameters == "identifiable")
     choice: tuple[Term, ...] = ()
     if errors == "auto" and parameters == "identifiable":
@@ -71,8 +71,8 @@ def calibrate(
         start = start if not selection.errors else None  # of another robot
     found = estimate(problem, start)
     if parameters == "all":
-        problem, found = with_jig_as_it_is(*survivor(problem, found, measured))
-        problem, found = without_doubtful(problem, found, on_faces(measured))
+        problem, found = with_jig_as_it_is(*survivor(problem, found, tables))
+        problem, found = without_doubtful(problem, found, on_faces(tables))
     if not problem.is_stationary(found.x, found.weight):
         x = problem.theta(found.x)
         problem = problem.complete()
@@ -87,7 +87,7 @@ def calibrate(
         fit = _Fit(full, last, joint_errors.selection.terms, joint_errors)
     held_out = fit.held_out(folds, rng)
     wrong = labels(problem, found, whole) if parameters == "all" else ()
-    return _calibration(problem, fit, held_out, measured, whole, wrong, inputs or {})
+    return _calibration(problem, fit, held_out, tables, whole, wrong, inputs or {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def _calibration(
     geometry: Problem,
     fit: _Fit,
     held_out: Float[np.ndarray, " measured"] | None,
-    measured: tuple[Measured, ...],
+    tables: tuple[Measurements, ...],
     recorded: Rows,
     wrong: tuple[Label, ...],
     inputs: Mapping[str, str],
@@ -183,7 +183,7 @@ def _calibration(
         findings=(
             *_wrong_faces(wrong),
             *_doubtful(problem.rows),
-            *diagnose(problem, found, measured),
+            *diagnose(problem, found, tables),
             *_frames(geometry),
         ),
         inputs=dict(inputs),

@@ -16,7 +16,7 @@ from scipy.special import fdtrc, ndtri
 from identify.estimation.problem import Problem
 from identify.estimation.robust import CERTAIN, Estimate
 from identify.model.io.calibration_file import Finding
-from identify.model.measurement import Measured
+from identify.model.measurement import Measurements
 from identify.model.touch import Positions, Touches
 
 SURE = 1e-5  # chance that touches without fault are accused of one
@@ -95,9 +95,9 @@ class Residuals:
 _Change = tuple[float, np.ndarray, Finding]  # how much it explains, by which columns, and in words
 
 
-def diagnose(problem: Problem, estimate: Estimate, measured: Sequence[Measured]) -> tuple[Finding, ...]:
+def diagnose(problem: Problem, estimate: Estimate, tables: Sequence[Measurements]) -> tuple[Finding, ...]:
     """What is wrong with touches or robot, as far as residuals tell."""
-    case = _Case(problem, estimate, measured)
+    case = _Case(problem, estimate, tables)
     residuals, changes = _changes(case)
     return (*changes, *_unsettled(case), *_joint(case, residuals), *_outliers(case))
 
@@ -105,8 +105,8 @@ def diagnose(problem: Problem, estimate: Estimate, measured: Sequence[Measured])
 class _Case:
     """Residuals of a calibration, and what the suspicions are made of."""
 
-    def __init__(self, problem: Problem, estimate: Estimate, measured: Sequence[Measured]) -> None:
-        self.problem, self.estimate, self.measured = problem, estimate, measured
+    def __init__(self, problem: Problem, estimate: Estimate, tables: Sequence[Measurements]) -> None:
+        self.problem, self.estimate, self.measured = problem, estimate, tables
         self.theta = problem.theta(estimate.x)
         self.rows, self.robot = problem.rows, problem.cell.robot
         self.first = np.searchsorted(self.order, np.arange(len(self.rows.ids)))  # row of each measurement

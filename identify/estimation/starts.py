@@ -11,7 +11,7 @@ from identify.estimation.face_association import believe
 from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, estimate
 from identify.model.cell import Cell
-from identify.model.measurement import Measured, Rows, equations
+from identify.model.measurement import Measurements, Rows, equations
 from identify.model.touch import Touches
 
 SUSPECT = 2.0  # times its sigma that a fit scatters, from which other starts are tried
@@ -35,7 +35,7 @@ class Label:
     off: float  # [mm], from the face that was recorded
 
 
-def survivor(problem: Problem, found: Estimate, measured: tuple[Measured, ...]) -> tuple[Problem, Estimate]:
+def survivor(problem: Problem, found: Estimate, tables: tuple[Measurements, ...]) -> tuple[Problem, Estimate]:
     """The estimate with the fewest and smallest contradictions among those from several starts.
 
     A plain robust fit can be drawn away by a fifth of gross errors. If its residuals scatter far more than stated, a
@@ -47,9 +47,9 @@ def survivor(problem: Problem, found: Estimate, measured: tuple[Measured, ...]) 
     ends = [(problem, found)]
     if found.noise > SUSPECT or (~found.used).mean() > DOUBTED:
         ends += _grown(problem, problem.theta(found.x), trimmed(problem, found.x))
-        ends += _associated(problem, measured)
+        ends += _associated(problem, tables)
         ends = [min(ends, key=lambda end: _cost(*end))]
-    return min([*ends, *_renamed(*ends[0], measured)], key=lambda end: _cost(*end))
+    return min([*ends, *_renamed(*ends[0], tables)], key=lambda end: _cost(*end))
 
 
 def _cost(problem: Problem, found: Estimate) -> float:
@@ -80,24 +80,24 @@ def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray,
     return kept[int(np.argmin(cost))][owner]
 
 
-def _associated(problem: Problem, measured: tuple[Measured, ...]) -> Iterator[tuple[Problem, Estimate]]:
+def _associated(problem: Problem, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
     """The estimate from where touches are associated with faces, if all that was measured are touches on faces."""
     cell = problem.cell
-    touches = on_faces(measured)
+    touches = on_faces(tables)
     if touches is None or cell.base is None or cell.tool is None:
         return
     found = believe(cell, touches)
     pairs = zip(found.touches.face, found.used, problem.rows.face, strict=True)
     again = relabelled(
-        problem, measured, tuple(met if use and met in cell.the_jig.by_name else face for met, use, face in pairs)
+        problem, tables, tuple(met if use and met in cell.the_jig.by_name else face for met, use, face in pairs)
     )
     yield from _grown(again, found.theta, found.used[again.rows.owner])
 
 
-def _renamed(problem: Problem, found: Estimate, measured: tuple[Measured, ...]) -> Iterator[tuple[Problem, Estimate]]:
+def _renamed(problem: Problem, found: Estimate, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
     """The estimate with touches that were left out on the faces that they most probably met."""
-    if on_faces(measured) is not None and not found.used.all():
-        again = relabelled(problem, measured, nearest(problem, found))
+    if on_faces(tables) is not None and not found.used.all():
+        again = relabelled(problem, tables, nearest(problem, found))
         if again is not problem:
             moved = np.array([a != b for a, b in zip(again.rows.face, problem.rows.face, strict=True)])
             yield from _grown(again, problem.theta(found.x), found.used | moved)
@@ -111,18 +111,18 @@ def _grown(
         yield problem, estimate(problem, theta, used)
 
 
-def on_faces(measured: tuple[Measured, ...]) -> Touches | None:
+def on_faces(tables: tuple[Measurements, ...]) -> Touches | None:
     """The touches, if all that was measured is one table of touches, each on a face with a name."""
-    if len(measured) == 1 and isinstance(measured[0], Touches) and all(measured[0].face):
-        return measured[0]
+    if len(tables) == 1 and isinstance(tables[0], Touches) and all(tables[0].face):
+        return tables[0]
     return None
 
 
-def relabelled(problem: Problem, measured: tuple[Measured, ...], faces: tuple[str, ...]) -> Problem:
+def relabelled(problem: Problem, tables: tuple[Measurements, ...], faces: tuple[str, ...]) -> Problem:
     """The problem with the touches of a table on other faces."""
     if faces == problem.rows.face:
         return problem
-    (touches,), by_name, cell = measured, problem.cell.the_jig.by_name, problem.cell
+    (touches,), by_name, cell = tables, problem.cell.the_jig.by_name, problem.cell
     changed = np.array([face != name for face, name in zip(faces, touches.face, strict=True)])  # type: ignore[union-attr]
     normal, offset = touches.normal.copy(), touches.offset.copy()  # type: ignore[union-attr]
     for i in np.flatnonzero(changed):

@@ -10,7 +10,7 @@ from identify.estimation.problem import Problem
 from identify.model.calibration import Calibration, Finding, summarize
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.measurement import Measured, Rows, equations
+from identify.model.measurement import Measurements, Rows, equations
 from identify.model.zone import zone_poses
 from identify.uncertainty.posterior import tip_errors
 from identify.uncertainty.promise import promise
@@ -63,13 +63,13 @@ def _refusals(c: Calibration) -> Iterator[str]:
         )
 
 
-def hypotheses(cell: Cell, measured: Sequence[Measured]) -> tuple[Finding, ...]:
+def hypotheses(cell: Cell, tables: Sequence[Measurements]) -> tuple[Finding, ...]:
     """What would explain measurements that no robot near the drawing fits: a sign, a zero, a unit.
 
     Each is tried by a fit of its own, and proposed if it leaves a tenth of the residuals. Zeros that are off by less
     than a quarter turn are estimated as they are.
     """
-    recorded = equations(cell, measured)
+    recorded = equations(cell, tables)
     posed = _posed(cell, recorded)
     before = _fit(cell, recorded, posed)[1]
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from identify.estimation.problem import with_face_scatter
 from identify.model.calibration import Calibration, Errors, coordinates, fingerprints, summarize
 from identify.model.files import InputError
-from identify.model.measurement import Measured, Rows, measurement_model, rows
+from identify.model.measurement import Measurements, Rows, measurement_model, rows
 from identify.model.zone import zone_poses
 from identify.uncertainty.promise import ROBOTS, SHARE
 from identify.uncertainty.unknowns import Unknowns
@@ -34,10 +34,10 @@ class Verification:
         return self.identified.p95_mm <= self.promised_p95_mm
 
 
-def verify(calibration: Calibration, *measured: Measured) -> Verification:
+def verify(calibration: Calibration, *tables: Measurements) -> Verification:
     """Errors of the nominal and of the identified robot; raises InputError if a measurement was used in the fit."""
     cell = calibration.cell
-    found = rows(cell.wire, measured, cell.robot.temperature, cell.places)
+    found = rows(cell.wire, tables, cell.robot.temperature, cell.places)
     if not len(found):
         raise InputError("there is nothing to verify with: no touch of status hit, no position")
     require_unseen(calibration, found, "errors there are no accuracy; verify with others")

@@ -193,10 +193,10 @@ def _share(
     joints = len(robot.joints)
     for _ in range(STARTS):
         start = rng.uniform(robot.lower, robot.upper, (len(position), joints))
-        found = reach(
+        result = reach(
             cell.kinematics, cell.theta, position, R, start, free_roll=joints >= 5, free_orientation=joints < 5
         )
-        reached |= found.reached()
+        reached |= result.reached()
     return float(reached.mean())
 
 
@@ -214,9 +214,9 @@ def parked(cell: Cell) -> Float[np.ndarray, " joints"]:
     over = np.array([*(lower + upper)[:2] / 2, upper[2] + PARKED])
     start = np.random.default_rng(3).uniform(robot.lower, robot.upper, (PARKED_STARTS, len(robot.joints)))
     down = np.tile(np.diag([1.0, -1.0, -1.0]), (PARKED_STARTS, 1, 1))
-    found = reach(cell.kinematics, cell.theta, np.tile(over, (PARKED_STARTS, 1)), down, start, free_roll=True)
-    if not found.reached().any():
+    result = reach(cell.kinematics, cell.theta, np.tile(over, (PARKED_STARTS, 1)), down, start, free_roll=True)
+    if not result.reached().any():
         return zeros
-    q = found.q[found.reached()]
+    q = result.q[result.reached()]
     middle, half = (robot.upper + robot.lower) / 2, (robot.upper - robot.lower) / 2
     return np.asarray(q[np.argmin((((q - middle) / half) ** 2).sum(axis=1))])

@@ -218,5 +218,5 @@ class Cell:
         """The sentence for a face that the jig does not have."""
         if self.jig is None:
             return f"face '{name}' needs a jig; name one in cell.yaml (jig: library:step-block)"
-        known = ", ".join(self.jig.by_name)
-        return f"jig '{self.jig.name}' has no face '{name}'{nearest(name, self.jig.by_name)}; its faces: {known}"
+        names = ", ".join(self.jig.by_name)
+        return f"jig '{self.jig.name}' has no face '{name}'{nearest(name, self.jig.by_name)}; its faces: {names}"

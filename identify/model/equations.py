@@ -163,12 +163,12 @@ class MeasurementModel:
             given = {key: ca.SX.sym(key, size) for key, size in INPUTS.items()}
             tip = lambda M, w: jig_T_tip(self.robot, q, theta, M, w, self._made)  # noqa: E731
             r = EQUATIONS[name](Arm(tip, **given))
-            used = {key: symbol for key, symbol in given.items() if ca.depends_on(r, symbol)}
-            made = {} if self._made is None else {"conditions": self._made}
+            inputs = {key: symbol for key, symbol in given.items() if ca.depends_on(r, symbol)}
+            conditions = {} if self._made is None else {"conditions": self._made}
             outputs = {"r": r, "J": ca.gradient(r, theta)}
-            if "places" in used:
+            if "places" in inputs:
                 outputs["P"] = ca.gradient(r, given["places"])
-            self._functions[name] = compiled("residual", {"q": q, "theta": theta} | used | made, outputs)
+            self._functions[name] = compiled("residual", {"q": q, "theta": theta} | inputs | conditions, outputs)
         return self._functions[name]
 
     def residual(self, theta: Float[np.ndarray, " parameters"], rows: Rows) -> Float[np.ndarray, " rows"]:

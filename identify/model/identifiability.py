@@ -53,7 +53,7 @@ def structure(
     cell: Cell,
     theta: Float[np.ndarray, " parameters"] | None = None,
     still: Mapping[int, float] | None = None,
-    made: Float[np.ndarray, "rows conditions"] | None = None,
+    conditions: Float[np.ndarray, "rows conditions"] | None = None,
 ) -> Identifiability:
     """Eliminate the parameters whose tip-position columns vanish or depend on others for every configuration.
 
@@ -68,7 +68,7 @@ def structure(
     q = rng.uniform(robot.lower, robot.upper, (POSES * len(robot.parameters), len(robot.joints)))
     for joint, value in (still or {}).items():
         q[:, joint] = value
-    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(made, q.shape, rng), 3, axis=0))
+    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(conditions, q.shape, rng), 3, axis=0))
     _, J = measurement_model(robot).linearize(cell.theta if theta is None else theta, poses)
     free = [i for i in preference(robot) if robot.parameters[i] not in cell.fixed]
     kept, combinations = independent(J * cell.scale, free)
@@ -88,7 +88,7 @@ def visible(
     theta: Float[np.ndarray, " parameters"],
     some: Int[np.ndarray, " some"],
     still: Mapping[int, float] | None = None,
-    made: Float[np.ndarray, "rows conditions"] | None = None,
+    conditions: Float[np.ndarray, "rows conditions"] | None = None,
     leaning: bool = False,
 ) -> Float[np.ndarray, "some directions"]:
     """An orthonormal basis of the directions of some parameters that measurements can show of robots near the drawing.
@@ -102,28 +102,28 @@ def visible(
     q = rng.uniform(robot.lower, robot.upper, (POSES * len(robot.parameters), len(robot.joints)))
     for joint, value in (still or {}).items():
         q[:, joint] = value
-    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(made, q.shape, rng), 3, axis=0))
+    poses = replace(tip_rows(q), conditions=np.repeat(_conditions(conditions, q.shape, rng), 3, axis=0))
     if leaning:
         normal = rng.standard_normal(poses.normal.shape)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         poses = replace(poses, normal=normal, radius=np.ones(len(normal)))
-    built = np.repeat(theta + cell.spread * rng.standard_normal((len(q), len(theta))), 3, axis=0)
-    _, J = measurement_model(robot).linearize(built, poses)
+    robots = np.repeat(theta + cell.spread * rng.standard_normal((len(q), len(theta))), 3, axis=0)
+    _, J = measurement_model(robot).linearize(robots, poses)
     loose = np.isinf(cell.prior[some])
     R = np.asarray(np.linalg.qr((J * cell.scale)[:, some], mode="r"))
     free, explained = _row_space(R[:, loose])
-    held, _ = _row_space(R[:, ~loose] - explained @ (explained.T @ R[:, ~loose]))
-    basis = np.zeros((len(some), free.shape[1] + held.shape[1]))
+    determined, _ = _row_space(R[:, ~loose] - explained @ (explained.T @ R[:, ~loose]))
+    basis = np.zeros((len(some), free.shape[1] + determined.shape[1]))
     basis[np.ix_(loose, np.arange(free.shape[1]))] = free
-    basis[np.ix_(~loose, np.arange(free.shape[1], basis.shape[1]))] = held
+    basis[np.ix_(~loose, np.arange(free.shape[1], basis.shape[1]))] = determined
     return basis
 
 
 def _row_space(A: Float[np.ndarray, "rows columns"]) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal bases of the row space and of the column space of a matrix."""
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
-    seen = s > TOLERANCE * s.max(initial=0.0)
-    return Vt[seen].T, U[:, seen]
+    visible = s > TOLERANCE * s.max(initial=0.0)
+    return Vt[visible].T, U[:, visible]
 
 
 def everything(cell: Cell, priors: bool = True) -> Identifiability:
@@ -141,11 +141,11 @@ def everything(cell: Cell, priors: bool = True) -> Identifiability:
 
 
 def _conditions(
-    made: Float[np.ndarray, "rows conditions"] | None, shape: tuple[int, ...], rng: np.random.Generator
+    conditions: Float[np.ndarray, "rows conditions"] | None, shape: tuple[int, ...], rng: np.random.Generator
 ) -> Float[np.ndarray, "poses conditions"]:
     """Conditions of the generic poses: drawn from those that there were, or directions and a span of 10 K."""
-    if made is not None and len(made):
-        return made[rng.integers(len(made), size=shape[0])]
+    if conditions is not None and len(conditions):
+        return conditions[rng.integers(len(conditions), size=shape[0])]
     return np.column_stack([rng.choice([-1.0, 1.0], shape), rng.uniform(-5, 5, shape[0])])
 
 
@@ -165,11 +165,11 @@ def independent(
     R = np.asarray(np.linalg.qr(A[:, order], mode="r"))
     lengths = np.sqrt((R * R).sum(axis=0))
     new = np.abs(np.diag(R)) > tolerance * max(lengths.max(initial=0.0), 1e-300)
-    kept, left = np.asarray(order)[new].tolist(), np.asarray(order)[~new].tolist()
+    basis, rest = np.asarray(order)[new].tolist(), np.asarray(order)[~new].tolist()
     C = np.linalg.lstsq(R[:, new], R[:, ~new], rcond=None)[0]
-    return kept, {
-        i: {k: c for k, c in zip(kept, column, strict=True) if abs(c) > 1e-7}
-        for i, column in zip(left, C.T.tolist(), strict=True)
+    return basis, {
+        i: {k: c for k, c in zip(basis, column, strict=True) if abs(c) > 1e-7}
+        for i, column in zip(rest, C.T.tolist(), strict=True)
     }
 
 

@@ -20,17 +20,17 @@ def descent(robot: Robot, rows: int) -> Mapped:
     More joints than rows: the shortest step that does it (Wampler 1986).
     """
     q, theta = symbols(robot)
-    position, wanted, damping = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9), ca.SX.sym("damping")
+    position, target, damping = ca.SX.sym("position", 3), ca.SX.sym("rotation", 9), ca.SX.sym("damping")
     T, twists = jig_T_tip_and_twists(robot, q, theta)
     R = T[:, :3]
-    turn, angle = _turn(R.T @ ca.reshape(wanted, 3, 3).T, rows)
+    turn, angle = _turn(R.T @ ca.reshape(target, 3, 3).T, rows)
     way = ca.vertcat(R.T @ (position - T[:, 3]), LEVER * turn)[:rows]
     span = ca.diag(ca.SX([LEVER if prismatic else 1.0 for prismatic in robot.prismatic]))
     J = (ca.vertcat(twists[:3, :], LEVER * twists[3:, :]) @ span)[:rows, :]
     wide = len(robot.joints) > rows
     step = J.T @ solved(J @ J.T, way, damping) if wide else solved(J.T @ J, J.T @ way, damping)
     cost = ca.sumsqr(way[:3]) + (LEVER * angle) ** 2
-    inputs = {"q": q, "theta": theta, "position": position, "rotation": wanted, "damping": damping}
+    inputs = {"q": q, "theta": theta, "position": position, "rotation": target, "damping": damping}
     return compiled("descent", inputs, {"step": step, "cost": cost})
 
 

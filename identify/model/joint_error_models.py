@@ -112,15 +112,15 @@ class Arm:
     def frames(self) -> list[tuple[ca.SX, ca.SX]]:
         """Rotation and origin [mm] of link frames 0 to N in the base frame, by the nominal dimensions."""
         R, p = ca.SX(self.robot.base_T_first[:3, :3]), ca.SX(self.robot.base_T_first[:3, 3])
-        found = [(R, p)]
+        frames = [(R, p)]
         for i, (theta, d, a, alpha, beta) in enumerate(self.robot.drawn):
             slides = self.robot.prismatic[i]
             turn, slide = (ca.SX(theta), d + self.q[i]) if slides else (theta + self.q[i], ca.SX(d))
             c, s = ca.cos(turn), ca.sin(turn)
             p = p + R @ ca.vertcat(a * c, a * s, slide)
             R = R @ (_turn(c, s) @ ca.SX(_twist(alpha, beta)))
-            found.append((R, p))
-        return found
+            frames.append((R, p))
+        return frames
 
     @cached_property
     def weights(self) -> list[tuple[int, str, ca.SX, float]]:
@@ -277,7 +277,7 @@ class Deflected:
     tilt: ca.SX | None  # [rad] about x, y and z of the base; None where it stands firm
 
 
-def deflected(robot: Dimensions, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -> Deflected:
+def deflected(robot: Dimensions, q: ca.SX, theta: ca.SX, conditions: ca.SX | None = None) -> Deflected:
     """What the error models make of commanded joint values and identified parameters.
 
     Without conditions `made`, the temperature is the reference and gravity tells where joints rest.
@@ -286,14 +286,14 @@ def deflected(robot: Dimensions, q: ca.SX, theta: ca.SX, made: ca.SX | None = No
         return Deflected(q, theta, None)
     joints = len(robot.joints)
     place = {name: 6 + 5 * joints + k for k, (name, _, _) in enumerate(robot.error_parameters)}
-    found = terms(robot, q, theta[-6:], ca.SX.zeros(joints + 1) if made is None else made)
-    moved, longer, tilt = ca.SX(q), ca.SX.zeros(joints), ca.SX.zeros(3)
-    for term in found:  # perhaps fewer than there are parameters: without conditions some do nothing
+    errors = terms(robot, q, theta[-6:], ca.SX.zeros(joints + 1) if conditions is None else conditions)
+    angles, longer, tilt = ca.SX(q), ca.SX.zeros(joints), ca.SX.zeros(3)
+    for term in errors:  # perhaps fewer than there are parameters: without conditions some do nothing
         for (kind, i), shape in term.shapes.items():
-            into = {"joint": moved, "length": longer, "tilt": tilt}[kind]
+            into = {"joint": angles, "length": longer, "tilt": tilt}[kind]
             into[i] += theta[place[term.name]] * shape
     stretched = ca.SX(theta)
     for i in range(joints):
         for k in (7 + 5 * i, 8 + 5 * i):  # d and a
             stretched[k] = theta[k] * (1 + longer[i])
-    return Deflected(moved, stretched, tilt if "compliance" in robot.errors else None)
+    return Deflected(angles, stretched, tilt if "compliance" in robot.errors else None)

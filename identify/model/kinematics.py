@@ -55,7 +55,7 @@ def base_T_flange(robot: Robot, true: Deflected, M: ca.SX, w: ca.SX) -> ca.SX:
     return _stand(robot, true, M, w)
 
 
-def jig_T_tip(robot: Robot, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX, made: ca.SX | None = None) -> ca.SX:
+def jig_T_tip(robot: Robot, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX, conditions: ca.SX | None = None) -> ca.SX:
     """Columns of M carried from the tip to the jig frame (equation 1); w is 1 above a point, 0 above a direction.
 
     `made` are the conditions of a touch, for error models that depend on them.
@@ -63,7 +63,7 @@ def jig_T_tip(robot: Robot, q: ca.SX, theta: ca.SX, M: ca.SX, w: ca.SX, made: ca
     Points and directions travel through the chain as columns, from the tip back: half the operations of a product
     of matrices, and derivatives in reverse cost as little.
     """
-    true = deflected(robot, q, theta, made)
+    true = deflected(robot, q, theta, conditions)
     return _frame(theta[:6], base_T_flange(robot, true, _frame(theta[-6:], M, w), w), w)
 
 

@@ -19,8 +19,8 @@ from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
 __all__ = [
     "MEASUREMENTS",
     "Kind",
-    "Measured",
     "MeasurementModel",
+    "Measurements",
     "Rows",
     "equations",
     "measurement_model",
@@ -31,33 +31,33 @@ __all__ = [
 ]
 STILL = 1e-4  # [rad] or [mm] that a joint may move on the way to a touch without a direction
 
-Measured = Touches | Positions | Poses | Distances | Contacts
+Measurements = Touches | Positions | Poses | Distances | Contacts
 Places = Mapping[str, Float[np.ndarray, " 3"]]  # coordinates [mm] of named points
 
 
-def rows(wire: Wire, measured: Sequence[Measured], reference: float = 20.0, places: Places | None = None) -> Rows:
+def rows(wire: Wire, tables: Sequence[Measurements], reference: float = 20.0, places: Places | None = None) -> Rows:
     """The equations of measurements, in their order.
 
     `reference` [degC] is the temperature of the robot; `places` [mm] are the points that distances and contacts name.
     """
-    parts = [_of(table).rows(wire, table, places or {}) for table in measured]
-    first = np.cumsum([0, *(len(table) for table in measured)])
+    parts = [_of(table).rows(wire, table, places or {}) for table in tables]
+    first = np.cumsum([0, *(len(table) for table in tables)])
     whole = _concatenated(parts)
     return replace(
         whole,
-        ids=tuple(name for table in measured for name in table.ids),
+        ids=tuple(name for table in tables for name in table.ids),
         owner=np.concatenate([part.owner + start for part, start in zip(parts, first[:-1], strict=True)]),
-        conditions=np.concatenate([_conditions(*pair, reference) for pair in zip(measured, parts, strict=True)]),
+        conditions=np.concatenate([_conditions(*pair, reference) for pair in zip(tables, parts, strict=True)]),
         block=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
         face=tuple(name for part in parts for name in part.face or ("",) * len(part)),
-        placement=_spread(measured, parts, "placement"),
-        tool=_spread(measured, parts, "tool"),
+        placement=_spread(tables, parts, "placement"),
+        tool=_spread(tables, parts, "tool"),
     )
 
 
-def equations(cell: Cell, measured: Sequence[Measured]) -> Rows:
+def equations(cell: Cell, tables: Sequence[Measurements]) -> Rows:
     """The rows of measurements in a cell, and those of the spacings between points that they name."""
-    whole = rows(cell.wire, measured, cell.robot.temperature, cell.places)
+    whole = rows(cell.wire, tables, cell.robot.temperature, cell.places)
     here = set(whole.point)
     pairs = [(s.start, s.end, s.distance, s.sigma) for s in cell.spacings if here & {s.start, s.end}]
     if not pairs:
@@ -100,7 +100,7 @@ def _concatenated(parts: Sequence[Rows]) -> Rows:
     )
 
 
-def _of(table: Measured) -> "Kind":
+def _of(table: Measurements) -> "Kind":
     return next(kind for kind in MEASUREMENTS.values() if isinstance(table, kind.table))
 
 
@@ -119,19 +119,19 @@ def _stacked(parts: Sequence[Rows], column: str, width: int) -> np.ndarray | Non
     return np.concatenate([b if c is None else c for b, c in zip(blank, columns, strict=True)])
 
 
-def _spread(measured: Sequence[Measured], parts: Sequence[Rows], column: str) -> tuple[str, ...]:
+def _spread(tables: Sequence[Measurements], parts: Sequence[Rows], column: str) -> tuple[str, ...]:
     """The names that stand with measurements, one a row; () if there are none."""
-    if not any(getattr(table, column) for table in measured):
+    if not any(getattr(table, column) for table in tables):
         return ()
     names = tuple(
         (getattr(table, column) or ("",) * len(table))[i]
-        for table, part in zip(measured, parts, strict=True)
+        for table, part in zip(tables, parts, strict=True)
         for i in part.owner
     )
     return names if any(names) else ()
 
 
-def _conditions(table: Measured, part: Rows, reference: float) -> Float[np.ndarray, "rows conditions"]:
+def _conditions(table: Measurements, part: Rows, reference: float) -> Float[np.ndarray, "rows conditions"]:
     """Direction of every joint into a touch, and temperature above the reference; 0 where nothing was recorded."""
     temperature = getattr(table, "temperature", None)
     warmth = np.zeros(len(table)) if temperature is None else np.nan_to_num(temperature - reference)
@@ -181,8 +181,8 @@ def _pose_rows(wire: Wire, poses: Poses, places: Places) -> Rows:
     """Equations tip - p = 0 and, at a lever, the turn from the measured to the modelled rotation = 0."""
     m = len(poses)
     turns = _axes(poses.q, np.zeros((m, 3)), poses.turn_sigma * LEVER, poses.ids)
-    measured = rotation(*poses.angles.T).reshape(m, 9)
-    turns = replace(turns, equation=("turn",) * (3 * m), turn=np.repeat(measured, 3, axis=0))
+    matrix = rotation(*poses.angles.T).reshape(m, 9)
+    turns = replace(turns, equation=("turn",) * (3 * m), turn=np.repeat(matrix, 3, axis=0))
     points = _position_rows(wire, poses, places)
     order = np.argsort(np.concatenate([points.owner, turns.owner]), kind="stable")
     return _concatenated([points, turns]).take(order)

@@ -56,12 +56,12 @@ def _obj(content: bytes) -> Mesh:
     return np.array(vertices, dtype=float).reshape(-1, 3), np.array(triangles, dtype=int).reshape(-1, 3)
 
 
-def _place(word: str, known: int, line: int) -> int:
+def _place(word: str, count: int, line: int) -> int:
     """A vertex by its number: from 1, or backwards from the last so far."""
     number = int(word.split("/")[0])
-    place = number - 1 if number > 0 else known + number
-    if not 0 <= place < known:
-        raise ValueError(f"line {line} names vertex {number} of {known}")
+    place = number - 1 if number > 0 else count + number
+    if not 0 <= place < count:
+        raise ValueError(f"line {line} names vertex {number} of {count}")
     return place
 
 

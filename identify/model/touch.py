@@ -25,8 +25,8 @@ class Table:
         """The rows of an integer or boolean index, in its order."""
         rows = np.arange(len(self))[index]
         columns = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
-        given = {k: c for k, c in columns.items() if c is not None}
-        picked = {k: c[rows] if isinstance(c, np.ndarray) else tuple(c[i] for i in rows) for k, c in given.items()}
+        filled = {k: c for k, c in columns.items() if c is not None}
+        picked = {k: c[rows] if isinstance(c, np.ndarray) else tuple(c[i] for i in rows) for k, c in filled.items()}
         return replace(self, **picked)  # type: ignore[type-var]
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 
 from identify.model.io.calibration_file import Calibration
-from identify.model.measurement import Measured
+from identify.model.measurement import Measurements
 from identify.model.touch import Touches
 from identify.report.page import facts, table
 
@@ -19,7 +19,7 @@ class Issue:
     version: str = ""  # of touchcal
 
 
-def head(c: Calibration, issue: Issue, measured: Sequence[Measured]) -> str:
+def head(c: Calibration, issue: Issue, tables: Sequence[Measurements]) -> str:
     """Title and facts: robot, serial number, date, operator, jig, wire, measurements."""
     robot, jig, wire = c.cell.robot, c.cell.jig, c.cell.wire
     entries = [
@@ -27,7 +27,7 @@ def head(c: Calibration, issue: Issue, measured: Sequence[Measured]) -> str:
         ("serial no.", c.cell.serial),
         ("issued", issue.date),
         ("operator", issue.operator),
-        ("measured", _period(measured)),
+        ("measured", _period(tables)),
         ("jig", jig.name if jig else "none"),
         ("wire", f"{wire.shape}, radius {wire.radius:g} mm" if wire.radius else wire.shape),
         ("data", f"{len(c.residuals)} measurements, {len(c.estimated)} of {len(c.theta)} parameters estimated"),
@@ -36,9 +36,9 @@ def head(c: Calibration, issue: Issue, measured: Sequence[Measured]) -> str:
     return f"<h1>Calibration of {escape(robot.name)}</h1>{facts(entries)}"
 
 
-def _period(measured: Sequence[Measured]) -> str:
+def _period(tables: Sequence[Measurements]) -> str:
     """The first and the last day of the touches, as far as their times were recorded."""
-    days = sorted(time[:10] for table_ in measured if isinstance(table_, Touches) for time in table_.time if time)
+    days = sorted(time[:10] for table_ in tables if isinstance(table_, Touches) for time in table_.time if time)
     if not days:
         return ""
     return days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}"

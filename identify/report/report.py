@@ -8,7 +8,7 @@ import numpy as np
 from identify.compensation.ladder import ladder
 from identify.estimation.verification import Verification
 from identify.model.io.calibration_file import Calibration, Errors, summarize
-from identify.model.measurement import Measured
+from identify.model.measurement import Measurements
 from identify.model.touch import Touches
 from identify.report import charts
 from identify.report.certificate import Issue, foot, head
@@ -26,7 +26,7 @@ WELL_SEEN = 0.2  # of the tolerance of a parameter that is left
 
 def report(
     c: Calibration,
-    measured: Sequence[Measured] = (),
+    tables: Sequence[Measurements] = (),
     verified: Verification | None = None,
     *,
     issue: Issue | None = None,
@@ -38,10 +38,10 @@ def report(
     robot, by the names of their files, show what has changed since.
     """
     zone = zone_map(c)
-    faces = {name: face for t in measured if isinstance(t, Touches) for name, face in zip(t.ids, t.face, strict=True)}
-    view_data = _scene(c, measured)
+    faces = {name: face for t in tables if isinstance(t, Touches) for name, face in zip(t.ids, t.face, strict=True)}
+    view_data = _scene(c, tables)
     sections = [
-        head(c, issue or Issue(), measured),
+        head(c, issue or Issue(), tables),
         _verdict(c, verified),
         "<h2>Accuracy</h2>",
         _accuracy(c, verified),
@@ -146,10 +146,10 @@ def _accuracy(c: Calibration, verified: Verification | None) -> str:
     return table(["", "n", "mean, mm", "RMS, mm", "95 %, mm", "max, mm", ""], text, (6,))
 
 
-def _scene(c: Calibration, measured: Sequence[Measured]) -> dict[str, object]:
-    ids = tuple(name for t in measured for name in t.ids)
-    faces = tuple(face for t in measured for face in (t.face if isinstance(t, Touches) else ("",) * len(t)))
-    q = np.concatenate([t.q for t in measured]) if measured else np.empty((0, len(c.cell.robot.joints)))
+def _scene(c: Calibration, tables: Sequence[Measurements]) -> dict[str, object]:
+    ids = tuple(name for t in tables for name in t.ids)
+    faces = tuple(face for t in tables for face in (t.face if isinstance(t, Touches) else ("",) * len(t)))
+    q = np.concatenate([t.q for t in tables]) if tables else np.empty((0, len(c.cell.robot.joints)))
     words = tuple(
         f"{c.residuals[name].before_mm:+.2f} mm before, {c.residuals[name].after_mm:+.3f} mm after"
         if name in c.residuals

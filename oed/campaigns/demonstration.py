@@ -154,8 +154,8 @@ def _unseen(folder: Path, known: Calibration, truth: Truth, seed: int) -> None:
     write_text(folder / "unseen.csv", touches_text(found, cell.robot))
     q = zone_poses(cell, known.theta, UNSEEN, rng=rng)
     point = cell.kinematics.tip(q, truth.theta)[0] + cell.touch.sigma * rng.standard_normal((UNSEEN, 3))
-    measured = Positions(tuple(f"p{i + 1}" for i in range(UNSEEN)), q, point, np.full(UNSEEN, cell.touch.sigma))
-    write_text(folder / "unseen-positions.csv", positions_text(measured, cell.robot))
+    tables = Positions(tuple(f"p{i + 1}" for i in range(UNSEEN)), q, point, np.full(UNSEEN, cell.touch.sigma))
+    write_text(folder / "unseen-positions.csv", positions_text(tables, cell.robot))
 
 
 def _verified(folder: Path, found: Calibration) -> tuple[Verification, Verification]:

@@ -11,7 +11,7 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.frames import euler
 from identify.model.ik import reach
-from identify.model.measurement import MEASUREMENTS, Measured
+from identify.model.measurement import MEASUREMENTS, Measurements
 from identify.model.touch import Contacts, Distances, Poses, Positions
 from identify.model.zone import cone, frames, zone_of
 from probe.motion.clearance import CLEAR, WIRE, Clearance
@@ -56,7 +56,7 @@ def measurements(
     *,
     theta: Float[np.ndarray, " parameters"] | None = None,
     clearance: Clearance | None = None,
-) -> Measured:
+) -> Measurements:
     """Measurements of a kind that can be made, `count` of them where there are so many, as the table of the kind.
 
     They read what the robot `theta` (nominal) would give. Further placements and tools of the cell are used as often
@@ -165,33 +165,33 @@ def _tips(
     return tip, R
 
 
-def _position_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+def _position_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
     placement, tool = _names(cell, len(at.q), rng)
     tip = _tips(cell, theta, at.q, placement, tool)[0]
     return Positions(_ids(at), at.q, tip, np.full(len(tip), cell.sigma("position")), placement, tool)
 
 
-def _pose_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+def _pose_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
     placement, tool = _names(cell, len(at.q), rng)
     tip, R = _tips(cell, theta, at.q, placement, tool)
     sigma, turn = np.full(len(tip), cell.sigma("pose")), np.full(len(tip), cell.device("pose").turn_sigma)
     return Poses(_ids(at), at.q, tip, euler(R), sigma, turn, placement, tool)
 
 
-def _distance_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+def _distance_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
     names, places = list(cell.points), np.array(list(cell.places.values()))
     distance = np.linalg.norm(cell.kinematics.tip(at.q, theta)[0] - places[at.point], axis=1)
     anchor = tuple(names[i] for i in at.point)
     return Distances(_ids(at), at.q, anchor, distance, np.full(len(distance), cell.sigma("distance")))
 
 
-def _contact_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measured:
+def _contact_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
     names = list(cell.points)
     return Contacts(_ids(at), at.q, tuple(names[i] for i in at.point), np.full(len(at.q), cell.sigma("contact")))
 
 
 Draw = Callable[[Cell, np.ndarray, np.random.Generator, int], Postures]
-MakeTable = Callable[[Cell, np.ndarray, Postures, np.random.Generator], Measured]
+MakeTable = Callable[[Cell, np.ndarray, Postures, np.random.Generator], Measurements]
 POSTURES: dict[str, tuple[Draw, MakeTable]] = {
     "position": (_free, _position_table),
     "pose": (partial(_free, kind="pose"), _pose_table),

@@ -48,20 +48,20 @@ def check(
     described = load_cell(cell)
     if fix and pendant is None:
         raise InputError("--fix writes what the pendant shows; say --pendant FILE too")
-    found = None if pendant is None else compare(described, read_pendant(pendant, described))
-    if fix and pendant and found and found.explained and found.counting:
-        write_text(cell, Document(cell).with_key("joints", _entry(described, found.counting) or None))
+    agreement = None if pendant is None else compare(described, read_pendant(pendant, described))
+    if fix and pendant and agreement and agreement.explained and agreement.counting:
+        write_text(cell, Document(cell).with_key("joints", _entry(described, agreement.counting) or None))
         if not json:
-            print(f"wrote {_line(described, found.counting)} into {cell}")
+            print(f"wrote {_line(described, agreement.counting)} into {cell}")
         described = load_cell(cell)
-        found = compare(described, read_pendant(pendant, described))
+        agreement = compare(described, read_pendant(pendant, described))
     if json:
-        known = structure(described)
-        print_json({"robot": described.robot.name, "rank": known.rank, "pendant": found and asdict(found)})
+        result = structure(described)
+        print_json({"robot": described.robot.name, "rank": result.rank, "pendant": agreement and asdict(agreement)})
     else:
-        print(story(described, found))
+        print(story(described, agreement))
         print(_picture(described, cell))
-    return 0 if found is None or found.agrees else 1
+    return 0 if agreement is None or agreement.agrees else 1
 
 
 def _picture(described: "Cell", cell: Path) -> str:
@@ -76,16 +76,16 @@ def _picture(described: "Cell", cell: Path) -> str:
     return f"look at {page}: robot, torch, jig and zone"
 
 
-def story(cell: "Cell", found: "Agreement | None") -> str:
+def story(cell: "Cell", agreement: "Agreement | None") -> str:
     """What a person wants to see again of the cell file, and what the pendant says to it."""
     from identify.model.cell import DEG
     from identify.model.identifiability import structure
 
     joints = "".join("P" if p else "R" for p in cell.robot.prismatic)
-    known = structure(cell)
+    result = structure(cell)
     lines = [
-        f"robot {cell.robot.name}: {len(joints)} joints ({joints}), {known.rank} of {len(known.names)} parameters can "
-        "be identified",
+        f"robot {cell.robot.name}: {len(joints)} joints ({joints}), {result.rank} of {len(result.names)} parameters "
+        "can be identified",
         "jig: none" if cell.jig is None else f"jig {cell.jig.name}: {len(cell.jig.faces)} faces, {_sides(cell)}",
         f"touches: {cell.touch.speed:g} mm/s, at most {cell.touch.max_tilt / DEG:g} degrees off the normal",
     ]
@@ -95,7 +95,7 @@ def story(cell: "Cell", found: "Agreement | None") -> str:
     lines += _shapes(cell)
     if cell.robot.counting.differs:
         lines.append(f"the controller counts otherwise than the model: {_line(cell, cell.robot.counting)}")
-    return "\n".join([*lines, *_pendant(cell, found)])
+    return "\n".join([*lines, *_pendant(cell, agreement)])
 
 
 def _shapes(cell: "Cell") -> list[str]:
@@ -104,10 +104,10 @@ def _shapes(cell: "Cell") -> list[str]:
 
     if not cell.robot.shapes:
         return []
-    told = Clearance(cell, cell.theta)
-    judge = "capsules around them" if told.exact is None else "solids"
-    links = ", ".join(dict.fromkeys(body.shape.name for body in told.bodies)) or "none"
-    return [f"arm: {len(told.bodies)} collision shapes judged as {judge}, of links {links}", *told.notes]
+    clearance = Clearance(cell, cell.theta)
+    judge = "capsules around them" if clearance.exact is None else "solids"
+    links = ", ".join(dict.fromkeys(body.shape.name for body in clearance.bodies)) or "none"
+    return [f"arm: {len(clearance.bodies)} collision shapes judged as {judge}, of links {links}", *clearance.notes]
 
 
 def _sides(cell: "Cell") -> str:
@@ -131,15 +131,15 @@ def _line(cell: "Cell", counting: "JointCounting") -> str:
     return line_text("joints", entry) if entry else "no joints:"
 
 
-def _pendant(cell: "Cell", found: "Agreement | None") -> list[str]:
-    if found is None:
+def _pendant(cell: "Cell", agreement: "Agreement | None") -> list[str]:
+    if agreement is None:
         return ["cell is valid; compare it with the pendant: touchcal check --pendant pendant.csv"]
-    if found.agrees:
-        return [f"pendant: agrees within {found.position_mm:.2f} mm and {found.angle_deg:.2f} degrees"]
-    lines = [f"pendant: DISAGREES by up to {found.position_mm:.1f} mm and {found.angle_deg:.1f} degrees"]
-    if not found.explained:
+    if agreement.agrees:
+        return [f"pendant: agrees within {agreement.position_mm:.2f} mm and {agreement.angle_deg:.2f} degrees"]
+    lines = [f"pendant: DISAGREES by up to {agreement.position_mm:.1f} mm and {agreement.angle_deg:.1f} degrees"]
+    if not agreement.explained:
         return [*lines, "none of the usual causes explains it; compare the link lengths with the robot's drawing"]
-    lines += [f"  because {cause.name}: {cause.cure}" for cause in found.causes]
-    if found.counting is None:
+    lines += [f"  because {cause.name}: {cause.cure}" for cause in agreement.causes]
+    if agreement.counting is None:
         return lines
-    return [*lines, "write this line into cell.yaml, or say --fix:", f"  {_line(cell, found.counting)}"]
+    return [*lines, "write this line into cell.yaml, or say --fix:", f"  {_line(cell, agreement.counting)}"]

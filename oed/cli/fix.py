@@ -67,15 +67,15 @@ def fix(
     _other_folder(output, programs)
     table = read_setups(setup, identified.cell.robot)
     with progress(not json, "correcting"):
-        found = corrected(identified, {name: read_bytes(path) for name, path in names.items()}, table)
-    _write(output, found)
+        files = corrected(identified, {name: read_bytes(path) for name, path in names.items()}, table)
+    _write(output, files)
     if json:
-        print_json(summary(found))
+        print_json(summary(files))
     else:
-        print(story(found, remarks(identified, table.fixed_to), output))
+        print(story(files, remarks(identified, table.fixed_to), output))
     if diff and not json:
-        print(b"".join(each.diff for each in found).decode("utf-8", errors="replace"))
-    return 0 if all(each.whole for each in found) else 1
+        print(b"".join(each.diff for each in files).decode("utf-8", errors="replace"))
+    return 0 if all(each.whole for each in files) else 1
 
 
 def _distinct(programs: tuple[Path, ...]) -> dict[str, Path]:
@@ -93,18 +93,18 @@ def _other_folder(output: Path, programs: tuple[Path, ...]) -> None:
             raise InputError(f"{output}: {path.name} stands there; choose another folder with -o")
 
 
-def _write(output: Path, found: "list[Fixed]") -> None:
+def _write(output: Path, files: "list[Fixed]") -> None:
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{output}: cannot be made: {error.strerror}; choose another folder with -o") from None
-    for each in found:
+    for each in files:
         if each.whole:
             write_bytes(output / each.name, each.after)
-    write_bytes(output / DIFF, b"".join(each.diff for each in found))
+    write_bytes(output / DIFF, b"".join(each.diff for each in files))
 
 
-def summary(found: "list[Fixed]") -> dict[str, Any]:
+def summary(files: "list[Fixed]") -> dict[str, Any]:
     """What `--json` says."""
     return {
         each.name: {
@@ -118,16 +118,16 @@ def summary(found: "list[Fixed]") -> dict[str, Any]:
             "left": [{"line": m.line, "name": m.name, "why": m.why} for m in each.left],
             "mentions": [{"line": m.line, "name": m.name, "why": m.why} for m in each.mentions],
         }
-        for each in found
+        for each in files
     }
 
 
-def story(found: "list[Fixed]", notes: list[str], output: Path) -> str:
+def story(files: "list[Fixed]", notes: list[str], output: Path) -> str:
     """The result as a person reads it: what decides everything first, then each program."""
     lines = list(
-        dict.fromkeys(f"frames and tools decide everything: {text}" for each in found for text in each.assumed)
+        dict.fromkeys(f"frames and tools decide everything: {text}" for each in files for text in each.assumed)
     )
-    for each in found:
+    for each in files:
         lines.append(f"{each.name}: {_corrected(each)}")
         lines += [f"  cannot be corrected: {count} {why}" for why, count in each.reasons.items()]
         for mentions in (each.left, each.mentions):

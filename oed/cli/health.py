@@ -23,7 +23,7 @@ from oed.cli.options import (
     load_cell,
     only_touches,
     print_json,
-    read_measured,
+    read_tables,
 )
 from oed.cli.screen.progress import progress
 
@@ -87,7 +87,7 @@ def health(
             _tell_plan(identified, plan, output, alarm, json)
             return 0
         touches = (_touches(identified, plan, cell, output, port, json),)
-    tables, _ = read_measured(touches, identified.cell, trust_units)
+    tables, _ = read_tables(touches, identified.cell, trust_units)
     health = judge(identified, reduce(joined, map(only_touches, tables)), alarm)
     if json:
         print_json(summary(health))

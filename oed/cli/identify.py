@@ -18,7 +18,7 @@ from oed.cli.options import (
     ladder_lines,
     load_cell,
     print_json,
-    read_measured,
+    read_tables,
 )
 from oed.cli.screen.progress import progress
 from oed.cli.screen.unknowns import kind_lines, parameter_lines, shared_lines
@@ -26,7 +26,7 @@ from oed.cli.screen.unknowns import kind_lines, parameter_lines, shared_lines
 if TYPE_CHECKING:
     from identify.model.cell import Cell
     from identify.model.io.calibration_file import Calibration
-    from identify.model.measurement import Measured
+    from identify.model.measurement import Measurements
 
 
 @Parameter(name="*")
@@ -98,35 +98,40 @@ def identify(
     if not files:
         raise InputError("nothing to identify from: name at least one touches.csv or positions.csv")
     described = cell_with_errors(load_cell(cell), fit.errors)
-    measured, inputs = read_measured(files, described, trust_units)
+    tables, inputs = read_tables(files, described, trust_units)
     with progress(not json, "identifying"):
-        found = _calibrated(described, measured, fit, seed, inputs)
-    found = replace(found, promise=promised(found))
-    reasons = refusals(found)
+        calibration = _calibrated(described, tables, fit, seed, inputs)
+    calibration = replace(calibration, promise=promised(calibration))
+    reasons = refusals(calibration)
     if reasons:
-        found = replace(found, findings=(*hypotheses(described, measured), *found.findings))
+        calibration = replace(calibration, findings=(*hypotheses(described, tables), *calibration.findings))
     if keep or not reasons:
-        write_calibration(output, found)
-    _report(found, measured, reasons, output, keep, json)
+        write_calibration(output, calibration)
+    _report(calibration, tables, reasons, output, keep, json)
 
 
 def _report(
-    found: "Calibration", measured: Sequence["Measured"], reasons: Sequence[str], output: Path, keep: bool, json: bool
+    calibration: "Calibration",
+    tables: Sequence["Measurements"],
+    reasons: Sequence[str],
+    output: Path,
+    keep: bool,
+    json: bool,
 ) -> None:
     """Print the result; raises CalibrationFailed if it must not be used."""
     from identify.estimation.calibrate import CalibrationFailed
 
     if json:
-        print_json(summary(found) | {"refused": list(reasons)})
+        print_json(summary(calibration) | {"refused": list(reasons)})
     else:
-        print(story(found, output if keep or not reasons else None, measured))
+        print(story(calibration, output if keep or not reasons else None, tables))
     if reasons:
-        kept = f"{output} was written all the same" if keep else "nothing was written; --keep writes it all the same"
-        raise CalibrationFailed(f"this calibration must not be used: {'; '.join(reasons)}. {kept}")
+        note = f"{output} was written all the same" if keep else "nothing was written; --keep writes it all the same"
+        raise CalibrationFailed(f"this calibration must not be used: {'; '.join(reasons)}. {note}")
 
 
 def _calibrated(
-    cell: "Cell", measured: Sequence["Measured"], fit: Fit, seed: int, inputs: Mapping[str, str]
+    cell: "Cell", tables: Sequence["Measurements"], fit: Fit, seed: int, inputs: Mapping[str, str]
 ) -> "Calibration":
     """The calibration; raises CalibrationFailed with the likely causes if there is none."""
     from identify.estimation.calibrate import CalibrationFailed, calibrate
@@ -135,7 +140,7 @@ def _calibrated(
     try:
         return calibrate(
             cell,
-            *measured,
+            *tables,
             loss=fit.loss,
             priors=fit.priors,
             parameters=fit.parameters,
@@ -144,7 +149,7 @@ def _calibrated(
             inputs=inputs,
         )
     except CalibrationFailed as error:
-        causes = "; ".join(f"{finding.kind}: {finding.text}" for finding in hypotheses(cell, measured))
+        causes = "; ".join(f"{finding.kind}: {finding.text}" for finding in hypotheses(cell, tables))
         raise CalibrationFailed(f"{error}. {causes}" if causes else str(error)) from None
 
 
@@ -174,7 +179,7 @@ def summary(c: "Calibration") -> dict[str, Any]:
     }
 
 
-def story(c: "Calibration", output: Path | None, measured: Sequence["Measured"] = ()) -> str:
+def story(c: "Calibration", output: Path | None, tables: Sequence["Measurements"] = ()) -> str:
     """The result as a person reads it; no `output` if nothing was written."""
     from identify.model.io.calibration_file import summarize
     from identify.uncertainty.promise import Promise
@@ -183,7 +188,7 @@ def story(c: "Calibration", output: Path | None, measured: Sequence["Measured"] 
     lines = [
         f"{len(c.estimated)} of {len(c.theta)} parameters estimated from {len(c.residuals)} measurements, "
         f"{c.iterations} iterations, {1000 * c.solve_s:.0f} ms",
-        *kind_lines(measured),
+        *kind_lines(tables),
         "",
         errors_table({"nominal robot, residuals": before, "fit (no accuracy)": c.fit, "regions held out": c.held_out}),
         "",
@@ -220,15 +225,15 @@ def _choice(c: "Calibration") -> list[str]:
             for term in c.choice
         ),
     ]
-    kept = ", ".join(c.cell.robot.errors)
-    told = f"errors: [{kept}] in cell.yaml makes plans see them" if kept else "the touches ask for nothing more"
+    names = ", ".join(c.cell.robot.errors)
+    advice = f"errors: [{names}] in cell.yaml makes plans see them" if names else "the touches ask for nothing more"
     sizes = c.discrepancy
     if sizes is not None and not c.combinations:
-        told = (
+        advice = (
             f"all of them are estimated, {sizes.errors:.2g} times as large as usual, the geometry {sizes.geometry:.2g} "
-            f"times its tolerances, the noise {sizes.noise:.2g} times the stated sigma; {told}"
+            f"times its tolerances, the noise {sizes.noise:.2g} times the stated sigma; {advice}"
         )
-    return [*lines, told, ""]
+    return [*lines, advice, ""]
 
 
 def _scatter(c: "Calibration") -> list[str]:

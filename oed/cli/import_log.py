@@ -82,7 +82,7 @@ def _received(listen: str, maker: str, logs: tuple[Path, ...], output: Path) -> 
         raise InputError("--listen is for --maker ur, without files; the other controllers write files")
     if not port.isdecimal() or not 0 <= int(port) <= 65535:
         raise InputError(f"--listen is '{listen}', expected HOST:PORT or PORT")
-    text = ur.listen(host or HERE, int(port), lambda said: print(f"touchcal: {said}", file=sys.stderr, flush=True))
+    text = ur.listen(host or HERE, int(port), lambda line: print(f"touchcal: {line}", file=sys.stderr, flush=True))
     path = output.with_suffix(".log")
     write_text(path, text)
     return path

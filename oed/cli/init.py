@@ -120,10 +120,10 @@ def _robot(
     from identify.model.urdf.ends import ends, urdf_file
 
     file = urdf_file(urdf)
-    found = ends(file, base, flange)
-    print(f"chain from '{found.base}' to '{found.flange}': {found.why}")
-    words = f"{{urdf: {file.name}, base: {found.base}, flange: {found.flange}}}"
-    return read_urdf(file, found.base, found.flange), file, found.outward, words
+    links = ends(file, base, flange)
+    print(f"chain from '{links.base}' to '{links.flange}': {links.why}")
+    words = f"{{urdf: {file.name}, base: {links.base}, flange: {links.flange}}}"
+    return read_urdf(file, links.base, links.flange), file, links.outward, words
 
 
 def _jig(name: str) -> tuple["Jig", Path | None, str]:
@@ -165,9 +165,9 @@ def _with_meshes(urdf: Path, robot: "Robot", directory: Path) -> str:
     for shape in robot.shapes:
         if shape.path is None or not shape.file:
             continue
-        taken = {name for path, name in names.items() if path != shape.path}
+        others = {name for path, name in names.items() if path != shape.path}
         name = names.setdefault(shape.path, shape.path.name)
-        while name in taken:
+        while name in others:
             name = names[shape.path] = f"{shape.link}-{name}"
         (directory / MESHES).mkdir(exist_ok=True)
         write_bytes(directory / MESHES / name, read_bytes(shape.path))
@@ -179,10 +179,10 @@ def _with_meshes(urdf: Path, robot: "Robot", directory: Path) -> str:
 def _known(kind: str, name: str) -> Path:
     from identify.model.io.description import library
 
-    known = library(kind)  # type: ignore[arg-type]
-    if name not in known:
-        raise InputError(f"the library has no {kind[:-1]} '{name}'{nearest(name, known)}; it has {', '.join(known)}")
-    return known[name]
+    names = library(kind)  # type: ignore[arg-type]
+    if name not in names:
+        raise InputError(f"the library has no {kind[:-1]} '{name}'{nearest(name, names)}; it has {', '.join(names)}")
+    return names[name]
 
 
 def schema(kind: Kind = "cell") -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import InputError, digest, write_text
-from oed.cli.options import Json, TrustUnits, numbers, only_touches, print_json, read_measured
+from oed.cli.options import Json, TrustUnits, numbers, only_touches, print_json, read_tables
 
 if TYPE_CHECKING:
     from identify.model.io.calibration_file import Calibration
@@ -59,7 +59,7 @@ def locate(
     if not touches:
         raise InputError("nothing to locate the workpiece by: name a touches.csv with touches on its faces")
     identified, body = read_calibration(calibration), read_jig(named_jig(workpiece))
-    tables, inputs = read_measured(touches, replace(identified.cell, jig=body), trust_units)
+    tables, inputs = read_tables(touches, replace(identified.cell, jig=body), trust_units)
     start = None if near is None else numbers(near, 6, "--near") * POSE_UNIT
     location = located(identified, body, reduce(joined, map(only_touches, tables)), start)
     inputs |= {calibration.name: digest(calibration), workpiece: digest(named_jig(workpiece))}

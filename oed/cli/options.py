@@ -19,7 +19,7 @@ from identify.model.files import InputError, Mistake, digest
 if TYPE_CHECKING:
     from identify.model.cell import Cell
     from identify.model.io.calibration_file import Calibration, Errors
-    from identify.model.measurement import Measured
+    from identify.model.measurement import Measurements
     from identify.model.touch import Touches
     from oed.campaigns.connection import Connection
 
@@ -61,14 +61,14 @@ class Port:
 CELL_PORT = Port()
 
 
-def read_measured(paths: Sequence[Path], cell: "Cell", trust_units: bool) -> tuple[list["Measured"], dict[str, str]]:
+def read_tables(paths: Sequence[Path], cell: "Cell", trust_units: bool) -> tuple[list["Measurements"], dict[str, str]]:
     """The measurements of several files, a table a kind and file, and the hashes of the files.
 
     Raises InputError with all mistakes.
     """
     from identify.model.io.measurements import read_measurements
 
-    tables = list["tuple[Measured, ...]"]()
+    tables = list["tuple[Measurements, ...]"]()
     mistakes: list[Any] = []
     for path in paths:
         try:
@@ -95,7 +95,7 @@ def inputs_beside(calibration: "Calibration", folder: Path) -> list[Path]:
     return [path for path in paths if path.is_file() and digest(path) == calibration.inputs[path.name]]
 
 
-def only_touches(table: "Measured") -> "Touches":
+def only_touches(table: "Measurements") -> "Touches":
     """The touches; raises InputError if something else was measured."""
     from identify.model.touch import Touches
 
@@ -104,7 +104,7 @@ def only_touches(table: "Measured") -> "Touches":
     return table
 
 
-def _distinct(paths: Sequence[Path], tables: list["tuple[Measured, ...]"]) -> list["Measured"]:
+def _distinct(paths: Sequence[Path], tables: list["tuple[Measurements, ...]"]) -> list["Measurements"]:
     """Ids that stand in several files are told apart by the name of their file.
 
     Raises InputError if one measurement stands in two files: it would count twice.
@@ -130,7 +130,7 @@ def _distinct(paths: Sequence[Path], tables: list["tuple[Measured, ...]"]) -> li
     ]
 
 
-def _rows(table: "Measured") -> list[tuple[object, ...]]:
+def _rows(table: "Measurements") -> list[tuple[object, ...]]:
     """What was measured, a row a measurement."""
     columns = [vars(table)[name] for name in ("q", "point") if name in vars(table)]
     return [tuple(row) for row in np.column_stack(columns).tolist()]

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from identify.model.files import digest, write_json, write_text
 from oed.cli.options import IDENTIFY, CellFile, Flag, Json, Output, Seed, load_cell, print_json
-from oed.cli.plans.kinds import Asked, plan_of_kinds
+from oed.cli.plans.kinds import KindsChoice, plan_of_kinds
 from oed.cli.plans.workpiece import plan_of_workpiece
 from oed.cli.screen.progress import progress
 
@@ -139,36 +139,38 @@ def _write(result: "PlanResult", cell: "Cell", cell_file: Path, output: Path, se
     from oed.planning.plan import summary
 
     write_text(output, plan_text(result.plan, cell.robot))
-    told = summary(result) | {"seed": seed, "next": IDENTIFY}
-    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file)} | dict(cell.sources))
-    write_text(output.with_suffix(".html"), plan_page(cell, result.plan, told))
+    answer = summary(result) | {"seed": seed, "next": IDENTIFY}
+    write_json(output.with_suffix(".json"), answer, {cell_file.name: digest(cell_file)} | dict(cell.sources))
+    write_text(output.with_suffix(".html"), plan_page(cell, result.plan, answer))
     if json:
-        print_json(told)
+        print_json(answer)
     else:
-        print(story(told, output))
+        print(story(answer, output))
 
 
-def _asked(choice: Choice) -> Asked:
+def _asked(choice: Choice) -> KindsChoice:
     """The part of the options that a plan of several kinds heeds."""
     usual = choice == replace(choice, n=None, target=None, seconds=None, strategy="optimal")
-    given = {"-n": choice.n, "--target": choice.target, "--seconds": choice.seconds}
-    names = tuple(name for name, value in given.items() if value is not None)
-    return Asked(choice.kinds or "touch", choice.budget, choice.criterion, names or (() if usual else ("--strategy",)))
+    options = {"-n": choice.n, "--target": choice.target, "--seconds": choice.seconds}
+    names = tuple(name for name, value in options.items() if value is not None)
+    return KindsChoice(
+        choice.kinds or "touch", choice.budget, choice.criterion, names or (() if usual else ("--strategy",))
+    )
 
 
-def story(told: dict[str, Any], output: Path) -> str:
+def story(answer: dict[str, Any], output: Path) -> str:
     """The plan as a person reads it."""
-    promise = told["promise"]
-    chosen = f"criterion {told['criterion']}" if told["strategy"] == "optimal" else f"strategy {told['strategy']}"
+    promise = answer["promise"]
+    choice = f"criterion {answer['criterion']}" if answer["strategy"] == "optimal" else f"strategy {answer['strategy']}"
     lines = [
-        f"{told['touches']} touches, {chosen}, about {told['minutes']:.0f} minutes",
+        f"{answer['touches']} touches, {choice}, about {answer['minutes']:.0f} minutes",
         f"promised tip error in the weld zone: RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm",
-        *_curve(told["curve"]),
-        "indices: " + ", ".join(f"{name} {value:.4g}" for name, value in told["indices"].items()),
-        *_certificate(told),
+        *_curve(answer["curve"]),
+        "indices: " + ", ".join(f"{name} {value:.4g}" for name, value in answer["indices"].items()),
+        *_certificate(answer),
     ]
-    lines += [f"not seen: {sentence}" for sentence in told["unseen"]]
-    lines += [f"note: {sentence}" for sentence in told["notes"]]
+    lines += [f"not seen: {sentence}" for sentence in answer["unseen"]]
+    lines += [f"note: {sentence}" for sentence in answer["notes"]]
     page = output.with_suffix(".html").name
     return "\n".join([*lines, f"wrote {output}, to look at in {page}; make the touches with touchcal run {output}"])
 
@@ -186,13 +188,13 @@ def _curve(points: list[dict[str, float]]) -> list[str]:
     ]
 
 
-def _certificate(told: dict[str, Any]) -> list[str]:
+def _certificate(answer: dict[str, Any]) -> list[str]:
     """How near to the best, and to the best of what."""
-    lines, share = [], told["efficiency"]
+    lines, share = [], answer["efficiency"]
     if share is not None:
-        among = "the {joined} of {offered} touches on offer that clear ways join".format(**told["candidates"])
+        among = "the {joined} of {offered} touches on offer that clear ways join".format(**answer["candidates"])
         better = ", which these are moved from to where they tell more" if share > 1 else ""
         lines.append(f"at least {100 * share:.1f} % of the best possible over {among}{better}")
-    if told["manifold"] is not None:
-        lines.append(f"at least {100 * told['manifold']:.1f} % of the best possible over {told['manifold_covers']}")
+    if answer["manifold"] is not None:
+        lines.append(f"at least {100 * answer['manifold']:.1f} % of the best possible over {answer['manifold_covers']}")
     return lines

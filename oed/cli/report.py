@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from identify.model.files import write_text
-from oed.cli.options import CellFile, inputs_beside, ladder_lines, load_cell, read_measured
+from oed.cli.options import CellFile, inputs_beside, ladder_lines, load_cell, read_tables
 
 if TYPE_CHECKING:
     from identify.model.io.calibration_file import Calibration
@@ -52,21 +52,23 @@ def report(
     from identify.report.certificate import Issue
     from identify.report.report import report as make
 
-    found = _with_shapes(read_calibration(calibration), cell)
-    measured, _ = read_measured(inputs_beside(found, calibration.parent), found.cell, trust_units=True)
-    verified = verify(found, *read_measured(unseen, found.cell, trust_units=False)[0]) if unseen else None
+    calibrated = _with_shapes(read_calibration(calibration), cell)
+    tables, _ = read_tables(inputs_beside(calibrated, calibration.parent), calibrated.cell, trust_units=True)
+    verified = verify(calibrated, *read_tables(unseen, calibrated.cell, trust_units=False)[0]) if unseen else None
     issue = Issue(date.today().isoformat(), operator, version=version("touchcal"))
     earlier = [(str(path), read_calibration(path)) for path in since]
-    write_text(output, make(found, measured, verified, issue=issue, earlier=earlier))
-    write_text(output.with_suffix(".json"), dumps(calibration_entry(found), indent=1) + "\n")
-    print("\n".join([*ladder_lines(found), f"wrote {output}; open it in a browser, it needs no network"]))
+    write_text(output, make(calibrated, tables, verified, issue=issue, earlier=earlier))
+    write_text(output.with_suffix(".json"), dumps(calibration_entry(calibrated), indent=1) + "\n")
+    print("\n".join([*ladder_lines(calibrated), f"wrote {output}; open it in a browser, it needs no network"]))
 
 
-def _with_shapes(found: "Calibration", path: Path) -> "Calibration":
+def _with_shapes(calibration: "Calibration", path: Path) -> "Calibration":
     """The calibration of a robot that looks as the cell file says, if that is there and of the same robot."""
     if not path.is_file():
-        return found
+        return calibration
     robot = load_cell(path).robot
-    if (robot.name, len(robot.joints)) != (found.cell.robot.name, len(found.cell.robot.joints)):
-        return found
-    return replace(found, cell=replace(found.cell, robot=replace(found.cell.robot, shapes=robot.shapes)))
+    if (robot.name, len(robot.joints)) != (calibration.cell.robot.name, len(calibration.cell.robot.joints)):
+        return calibration
+    return replace(
+        calibration, cell=replace(calibration.cell, robot=replace(calibration.cell.robot, shapes=robot.shapes))
+    )

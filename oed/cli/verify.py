@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from identify.model.files import InputError, digest, write_json, write_text
-from oed.cli.options import TOUCHES, Json, TrustUnits, errors_table, inputs_beside, print_json, read_measured
+from oed.cli.options import TOUCHES, Json, TrustUnits, errors_table, inputs_beside, print_json, read_tables
 from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
@@ -36,20 +36,20 @@ def verify(calibration: Path, *files: Path, trust_units: TrustUnits = False, jso
     if not files:
         raise InputError("nothing to verify with: name a touches.csv or positions.csv that was not used in the fit")
     identified = read_calibration(calibration)
-    measured, _ = read_measured(files, identified.cell, trust_units)
-    found = verify_measured(identified, *measured)
+    tables, _ = read_tables(files, identified.cell, trust_units)
+    result = verify_measured(identified, *tables)
     if json:
         print_json(
-            asdict(found.identified)
-            | {"promised_p95_mm": found.promised_p95_mm, "kept": found.kept, "nominal": asdict(found.nominal)}
-            | {"beyond": list(found.beyond), "beyond_in_zone": list(beyond_in_zone(identified))}
+            asdict(result.identified)
+            | {"promised_p95_mm": result.promised_p95_mm, "kept": result.kept, "nominal": asdict(result.nominal)}
+            | {"beyond": list(result.beyond), "beyond_in_zone": list(beyond_in_zone(identified))}
         )
         return
-    print(errors_table({"nominal robot": found.nominal, "identified robot, unseen": found.identified}))
-    kept = "kept" if found.kept else "NOT kept"
-    print(f"promised 95 %: {found.promised_p95_mm:.3f} mm (sensor and jig included), {kept}")
-    if found.beyond:
-        print(f"of these poses, beyond the data of the fit: {'; '.join(found.beyond)}")
+    print(errors_table({"nominal robot": result.nominal, "identified robot, unseen": result.identified}))
+    verdict = "kept" if result.kept else "NOT kept"
+    print(f"promised 95 %: {result.promised_p95_mm:.3f} mm (sensor and jig included), {verdict}")
+    if result.beyond:
+        print(f"of these poses, beyond the data of the fit: {'; '.join(result.beyond)}")
     without = beyond_in_zone(identified)
     if without:
         print(f"of the zone, beyond the data of the fit: {'; '.join(without)}")
@@ -67,14 +67,14 @@ def plan_touches(
     output = Path("unseen-plan.csv") if output == Path("plan.csv") else output
     calibration = None if after is None else read_calibration(after)
     files = [] if calibration is None or after is None else inputs_beside(calibration, after.parent)
-    tables, _ = read_measured(files, cell, trust_units=True)
-    seen = [table.q for table in tables]
+    tables, _ = read_tables(files, cell, trust_units=True)
+    postures = [table.q for table in tables]
     if usual.is_file() and usual.resolve() != output.resolve():
-        seen, files = [*seen, read_plan(usual, cell).q], [*files, usual]
+        postures, files = [*postures, read_plan(usual, cell).q], [*files, usual]
     with progress(not json, "choosing touches"):
-        joints = np.concatenate([np.empty((0, len(cell.robot.joints))), *seen])
+        joints = np.concatenate([np.empty((0, len(cell.robot.joints))), *postures])
         result = plan_unseen(cell, joints, n, np.random.default_rng(seed), after=calibration)
-    told = {
+    answer = {
         "touches": len(result.plan),
         "apart": result.apart,
         "from": [path.name for path in files],
@@ -84,28 +84,30 @@ def plan_touches(
         "next": f"touchcal verify {'calibration.json' if after is None else after} {TOUCHES}",
     }
     write_text(output, plan_text(result.plan, cell.robot))
-    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file)} | dict(cell.sources))
+    write_json(output.with_suffix(".json"), answer, {cell_file.name: digest(cell_file)} | dict(cell.sources))
     if json:
-        print_json(told)
+        print_json(answer)
     else:
-        print(unseen_story(told, output, after))
+        print(unseen_story(answer, output, after))
 
 
-def unseen_story(told: dict[str, Any], output: Path, after: Path | None) -> str:
+def unseen_story(answer: dict[str, Any], output: Path, after: Path | None) -> str:
     """Touches to verify with, as a person reads of them."""
-    known = "" if after is None else f" --after {after}"
-    minutes = f"about {told['minutes']:.0f} minutes"
-    lines = [f"{told['touches']} touches to verify with, spread over all that can be made, {minutes}"]
-    if told["apart"] is None:
+    option = "" if after is None else f" --after {after}"
+    minutes = f"about {answer['minutes']:.0f} minutes"
+    lines = [f"{answer['touches']} touches to verify with, spread over all that can be made, {minutes}"]
+    if answer["apart"] is None:
         lines.append("note: neither plan.csv nor the files of a fit were found: touches of the fit may be among these")
     else:
-        names = ", ".join(told["from"])
-        lines.append(f"each differs from each touch of {names} by at least {told['apart']:.1f} degrees (mm) in a joint")
-    lines += [f"note: {sentence}" for sentence in told["notes"]]
+        names = ", ".join(answer["from"])
+        lines.append(
+            f"each differs from each touch of {names} by at least {answer['apart']:.1f} degrees (mm) in a joint"
+        )
+    lines += [f"note: {sentence}" for sentence in answer["notes"]]
     return "\n".join(
         [
             *lines,
-            f"wrote {output}; make them with touchcal run {output}{known} -o unseen.csv,",
-            f"then {told['next'].replace(TOUCHES, 'unseen.csv')}",
+            f"wrote {output}; make them with touchcal run {output}{option} -o unseen.csv,",
+            f"then {answer['next'].replace(TOUCHES, 'unseen.csv')}",
         ]
     )

@@ -119,9 +119,9 @@ class Criterion(ABC):
         """The functions to maximise one after the other, each nearer to phi than the one before."""
         yield self
 
-    def swaps(self, rows: Float[np.ndarray, "pool p"], known: Square, precision: Precision = np.float32) -> Swaps:
-        """What swaps among rows change, beside information that is known."""
-        return self.formula(rows, known, self, precision)
+    def swaps(self, rows: Float[np.ndarray, "pool p"], before: Square, precision: Precision = np.float32) -> Swaps:
+        """What swaps among rows change, beside the information `before` them."""
+        return self.formula(rows, before, self, precision)
 
     def blurred_slope(self, M: Square, blur: float) -> Square:
         """Gradient of `log`, averaged over a neighbourhood where it has kinks."""

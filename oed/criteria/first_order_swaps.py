@@ -41,10 +41,10 @@ class FirstOrderSwaps(Swaps):
         CY, BY = C @ self.low_t, B @ self.low_t
         d, b = np.einsum("ij,ij->j", self.low_t, CY), np.einsum("ij,ij->j", self.low_t, BY)
         G, falls = X @ CY, X @ BY
-        left = np.maximum(1 - d[self.members], 1e-6)[:, None]
+        room = np.maximum(1 - d[self.members], 1e-6)[:, None]
         falls *= 2 * G
-        falls += left * b - b[self.members][:, None] * (1 + d)
-        falls /= G * G + left * (1 + d)
+        falls += room * b - b[self.members][:, None] * (1 + d)
+        falls /= G * G + room * (1 + d)
         return falls
 
     def growth(self, table: Table) -> Table:

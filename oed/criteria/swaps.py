@@ -31,7 +31,7 @@ AT_ONCE = 4  # a quarter of the touches in excess go at once
 
 
 class Swaps(ABC):
-    """Sets of rows of one pool, beside information already known; rows are scaled to about unit information.
+    """Sets of rows of one pool, beside the information before them; rows are scaled to about unit information.
 
     The `criterion` is one of `oed.criteria.criterion`, in the basis of the rows.
     """
@@ -41,9 +41,9 @@ class Swaps(ABC):
     population: ClassVar[int] = 8  # sets that a search holds for 50 touches: more where a table costs less
 
     def __init__(
-        self, rows: Float[np.ndarray, "pool p"], known: Square, criterion: Any, precision: Precision = np.float32
+        self, rows: Float[np.ndarray, "pool p"], before: Square, criterion: Any, precision: Precision = np.float32
     ):
-        self.known, self.criterion, self.precision = known, criterion, precision
+        self.before, self.criterion, self.precision = before, criterion, precision
         self._hold(rows)
 
     def _hold(self, rows: Float[np.ndarray, "pool p"]) -> None:
@@ -89,9 +89,9 @@ class Swaps(ABC):
         return False
 
     def information(self, members: Members) -> Square:
-        """Information of a set, with what is known."""
+        """Information of a set, with that before it."""
         X = self.rows[members]
-        return self.known + X.T @ X
+        return self.before + X.T @ X
 
     def load(self, members: Members) -> None:
         """Make a set the present one."""
@@ -210,9 +210,9 @@ class TraceSwaps(DeterminantSwaps):
     gains, losses = Swaps.gains, Swaps.losses
 
     def __init__(
-        self, rows: Float[np.ndarray, "pool p"], known: Square, criterion: Any, precision: Precision = np.float32
+        self, rows: Float[np.ndarray, "pool p"], before: Square, criterion: Any, precision: Precision = np.float32
     ):
-        super().__init__(rows, known, criterion, precision)
+        super().__init__(rows, before, criterion, precision)
         self.low_W = criterion.W.astype(precision)
 
     def load(self, members: Members) -> None:

@@ -62,26 +62,26 @@ def budget_design(
         raise ValueError(f"cost: expected one positive number for each of the {len(owners)} measurements")
     if cost.min() > budget:
         raise ValueError(f"budget: {budget:.6g} is less than the cheapest measurement costs, {cost.min():.6g}")
-    known = checked_prior(prior, rows.shape[1])
-    chosen = criterion_named(criterion).on(zone, rows.shape[1])
+    before = checked_prior(prior, rows.shape[1])
+    measure = criterion_named(criterion).on(zone, rows.shape[1])
     if cost.sum() <= budget:
-        return _everything(rows, cost, known, chosen)
+        return _everything(rows, cost, before, measure)
     share = cost / budget
     scaled = rows / np.sqrt(owners.each(np.arange(len(owners)), share))[:, None]
-    relaxed = approximate_design(scaled, chosen, GAP, prior=known, cap=share, owner=owner)
-    used = int((relaxed.weights > USED * share).sum())
-    near = np.sort(np.argsort(-relaxed.closeness, kind="stable")[: max(POOL, 2 * used)])
-    search = _Search(_blocks(rows, owners, near), cost[near], budget, chosen, known)
+    relaxed = approximate_design(scaled, measure, GAP, prior=before, cap=share, owner=owner)
+    support = int((relaxed.weights > USED * share).sum())
+    near = np.sort(np.argsort(-relaxed.closeness, kind="stable")[: max(POOL, 2 * support)])
+    search = _Search(_blocks(rows, owners, near), cost[near], budget, measure, before)
     best = search.run(np.flatnonzero(relaxed.weights[near] >= 0.5 * share[near]), rng, excursions)
     members = near[best]
-    M = known + information(rows[owners.rows(members)])
-    value = float(chosen.value(M, len(members)))
-    return BudgetDesign(members, float(cost[members].sum()), value, chosen.phi(M) / relaxed.level, relaxed)
+    M = before + information(rows[owners.rows(members)])
+    value = float(measure.value(M, len(members)))
+    return BudgetDesign(members, float(cost[members].sum()), value, measure.phi(M) / relaxed.level, relaxed)
 
 
-def _everything(rows: np.ndarray, cost: np.ndarray, known: np.ndarray, criterion: Criterion) -> BudgetDesign:
+def _everything(rows: np.ndarray, cost: np.ndarray, before: np.ndarray, criterion: Criterion) -> BudgetDesign:
     """All measurements, which the budget allows: nothing is better."""
-    M, count = known + information(rows), len(cost)
+    M, count = before + information(rows), len(cost)
     value = float(criterion.value(M, count))
     whole = ApproximateDesign(
         criterion.name, np.ones(count), value, value, 0.0, M, np.ones(count), criterion.phi(M), np.zeros_like(M), 1, 0
@@ -106,7 +106,7 @@ class _Search:
     cost: Float[np.ndarray, " pool"]
     budget: float
     criterion: Criterion
-    known: Float[np.ndarray, "p p"]
+    before: Float[np.ndarray, "p p"]
 
     def run(self, start: Int[np.ndarray, " some"], rng: np.random.Generator, excursions: int) -> Int[np.ndarray, " n"]:
         """The best set found from some starts: each member replaced in turn until none helps, then excursions."""
@@ -116,7 +116,7 @@ class _Search:
         empty = np.zeros(len(self.cost), dtype=bool)
         starts = [(first, 1.0), *((empty, power) for power in POWERS)]
         sets = [self._each_in_turn(*self._completed(members, power)) for members, power in starts]
-        best, level = max(sets, key=lambda found: found[1])
+        best, level = max(sets, key=lambda entry: entry[1])
         here, height = best, level
         for k in range(excursions):
             new, value = self._excursion(here, rng)
@@ -143,7 +143,7 @@ class _Search:
 
         What joins is judged by its gain alone or by that per cost: else kinds that cost more would never enter.
         """
-        members, M = members.copy(), self.known + self._information(members)
+        members, M = members.copy(), self.before + self._information(members)
         power = float(rng.integers(2))
         for _ in range(rng.integers(1, LONGEST + 1)):
             some = np.flatnonzero(~members)
@@ -155,7 +155,7 @@ class _Search:
             some = np.flatnonzero(members)
             k = some[np.argmin(_blur(rng, len(some)) * self._changes(M, some, -1.0) / self.cost[some])]
             members[k] = False
-            M = self.known + self._information(members)
+            M = self.before + self._information(members)
         return self._completed(members)
 
     def _completed(
@@ -163,7 +163,7 @@ class _Search:
     ) -> tuple[Bool[np.ndarray, " pool"], float]:
         """The set with what gains most per cost^power until nothing fits, and the logarithm of its criterion."""
         members, room = members.copy(), self.budget * (1 + ROUNDING) - self.cost[members].sum()
-        M = self.known + self._information(members)
+        M = self.before + self._information(members)
         while True:
             some = np.flatnonzero(~members & (self.cost <= room))
             if not len(some):

@@ -189,12 +189,12 @@ def _unlike(Y: Float[np.ndarray, "k p"], few: int) -> list[int]:
     """The first rows of which no two are ALIKE, at most a `few`."""
     if len(Y) <= few:
         return list(range(len(Y)))
-    Y, chosen = Y / np.linalg.norm(Y, axis=1, keepdims=True), list[int]()
+    Y, basis = Y / np.linalg.norm(Y, axis=1, keepdims=True), list[int]()
     for part in blocks(len(Y), BLOCK):
         rows = Y[part]
-        left = ((rows @ Y[chosen].T) ** 2 < ALIKE).all(axis=1)
-        while left.any() and len(chosen) < few:
-            k = int(np.argmax(left))
-            chosen.append(part.start + k)
-            left &= (rows @ rows[k]) ** 2 < ALIKE
-    return chosen
+        rest = ((rows @ Y[basis].T) ** 2 < ALIKE).all(axis=1)
+        while rest.any() and len(basis) < few:
+            k = int(np.argmax(rest))
+            basis.append(part.start + k)
+            rest &= (rows @ rows[k]) ** 2 < ALIKE
+    return basis

@@ -35,10 +35,10 @@ class Rules:
         parts = {
             name: value[index] for name in ("face", "position", "cost") if (value := getattr(self, name)) is not None
         }
-        taken = replace(self, size=len(index), **parts)
+        part = replace(self, size=len(index), **parts)
         if "_neighbours" in self.__dict__:
-            taken.__dict__["_neighbours"] = self._neighbours[np.ix_(index, index)]
-        return taken
+            part.__dict__["_neighbours"] = self._neighbours[np.ix_(index, index)]
+        return part
 
     def near(self, members: Members) -> Bool[np.ndarray, "touches pool"]:
         """Which rows are too close to which members."""
@@ -98,8 +98,8 @@ class Rules:
 
     def kept(self, members: Members, n: int) -> Members:
         """The members, in order, that break no rule together with those before them."""
-        few, chosen = self.take(members), np.zeros(0, int)
+        few, result = self.take(members), np.zeros(0, int)
         for k in range(len(members)):
-            if len(chosen) < n and few.fitting(chosen, n)[k]:
-                chosen = np.append(chosen, k)
-        return members[chosen]
+            if len(result) < n and few.fitting(result, n)[k]:
+                result = np.append(result, k)
+        return members[result]

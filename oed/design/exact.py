@@ -16,7 +16,7 @@ from oed.criteria.criterion import Criterion
 from oed.criteria.swaps import Members, Precision, Swaps
 from oed.design.constraints import Rules
 from oed.design.matrix import blocks, information, whitener
-from oed.design.memetic import Found, Pool, evolve
+from oed.design.memetic import LocalOptimum, Pool, evolve
 from oed.design.problem import DesignProblem, design_problem
 from oed.design.relaxation import ApproximateDesign
 
@@ -108,9 +108,9 @@ def _design(
     level: float,
 ) -> ExactDesign:
     """The design of the best members, by the total information, prior and fixed touches included."""
-    chosen = members[members < len(problem.rows)]
-    indices = np.concatenate([problem.fixed, chosen])
-    total = problem.known + information(problem.rows[chosen])
+    fresh = members[members < len(problem.rows)]
+    indices = np.concatenate([problem.fixed, fresh])
+    total = problem.before + information(problem.rows[fresh])
     value = float(problem.criterion.value(total, len(indices)))
     efficiency = problem.criterion.phi(total) / level
     if efficiency > 1 + ROUNDING:
@@ -151,11 +151,11 @@ def _close(problem: DesignProblem, closeness: Float[np.ndarray, " candidates"]) 
 def _progress(seconds: float | None, iterations: int) -> Callable[[int], float]:
     """The share of the search that is over, after so many local searches."""
     if seconds is None:
-        return lambda made: made / iterations
+        return lambda count: count / iterations
     if not seconds > 0:
         raise ValueError(f"seconds: {seconds:g}, expected more than 0")
     begin = time.perf_counter()
-    return lambda made: (time.perf_counter() - begin) / seconds
+    return lambda count: (time.perf_counter() - begin) / seconds
 
 
 def _scaled(problem: DesignProblem, relaxation: ApproximateDesign) -> tuple[float, Float[np.ndarray, "p p"]]:
@@ -167,7 +167,7 @@ def _scaled(problem: DesignProblem, relaxation: ApproximateDesign) -> tuple[floa
         )
     if problem.rules.cost is not None or relaxation.touches == problem.slots:
         return relaxation.level, relaxation.information
-    if problem.known.any():
+    if problem.before.any():
         raise ValueError(
             f"relaxation: made for {relaxation.touches} touches, expected {problem.slots}, since something is known "
             "already; pass touches= and prior= when making it"
@@ -179,7 +179,7 @@ def _scaled(problem: DesignProblem, relaxation: ApproximateDesign) -> tuple[floa
 def swaps_of(
     criterion: Criterion,
     rows: Float[np.ndarray, "some p"],
-    known: Float[np.ndarray, "p p"],
+    before: Float[np.ndarray, "p p"],
     basis: Float[np.ndarray, "p p"] | None = None,
     precision: Precision = np.float32,
 ) -> Swaps:
@@ -188,8 +188,8 @@ def swaps_of(
     In the `basis`, by default that of all rows together, information is about a multiple of one: single precision is
     enough then.
     """
-    T = whitener(known + information(rows)) if basis is None else basis
-    return criterion.in_basis(T).swaps(rows @ T, T.T @ known @ T, precision)
+    T = whitener(before + information(rows)) if basis is None else basis
+    return criterion.in_basis(T).swaps(rows @ T, T.T @ before @ T, precision)
 
 
 def exchanged(
@@ -206,9 +206,9 @@ def exchanged(
 def _swaps(problem: DesignProblem, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray, " some"]) -> Swaps:
     """Swaps among some rows of the problem."""
     back = np.linalg.inv(basis)
-    known = problem.known + RIDGE * back.T @ back
+    before = problem.before + RIDGE * back.T @ back
     precision: Precision = np.float32 if problem.slots + len(problem.fixed) > len(basis) else np.float64
-    return swaps_of(problem.criterion, problem.taken(ids), known, basis, precision)
+    return swaps_of(problem.criterion, problem.taken(ids), before, basis, precision)
 
 
 def _pool(problem: DesignProblem, closeness: Float[np.ndarray, " candidates"], many: int) -> Int[np.ndarray, " pool"]:
@@ -244,15 +244,15 @@ def _searched(
         many *= 8
 
 
-def _polished(problem: DesignProblem, basis: np.ndarray, ids: Members) -> Found:
+def _polished(problem: DesignProblem, basis: np.ndarray, ids: Members) -> LocalOptimum:
     """The set after swaps with every candidate, until no single one helps."""
-    best: Found | None = None
+    best: LocalOptimum | None = None
     for _ in range(PASSES):
         newcomers = _newcomers(problem, basis, ids)
         local = np.concatenate([ids, newcomers])
         pool = Pool(_swaps(problem, basis, local), problem.rules.take(local), len(ids))
         found = pool.descend(np.arange(len(ids)))
-        found = Found(np.sort(local[found.members]), found.log)
+        found = LocalOptimum(np.sort(local[found.members]), found.log)
         if best is not None and found.log <= best.log + 1e-12:
             return best
         best, ids = found, found.members

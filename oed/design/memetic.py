@@ -26,7 +26,7 @@ ATTEMPTS = 20  # at building a set that keeps the rules
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class LocalOptimum:
     """A set that no single swap improves."""
 
     members: Members
@@ -45,7 +45,7 @@ class Pool:
         """The same with some of the rows."""
         return Pool(self.swaps.among(index), self.rules.take(index), self.n)
 
-    def descend(self, members: Members) -> Found:
+    def descend(self, members: Members) -> LocalOptimum:
         """The set that is reached by making the best swap, again and again, while there is one that helps."""
         swaps = self.swaps
         swaps.load(members)
@@ -58,14 +58,14 @@ class Pool:
             elif not swaps.look_wider():
                 break
         reached = np.sort(swaps.members)
-        return Found(reached, swaps.log(reached))
+        return LocalOptimum(reached, swaps.log(reached))
 
     def thinned(self, members: Members, rng: np.random.Generator) -> Members | None:
         """N of the touches, chosen so that little is lost, then mended where they break a rule; None if that fails."""
-        chosen = self.swaps.thinned(members, self.n, HEAT, rng)
-        if self.rules.simple and len(chosen) == self.n:
-            return chosen
-        return self.completed(self.rules.kept(rng.permutation(chosen), self.n))
+        thinned = self.swaps.thinned(members, self.n, HEAT, rng)
+        if self.rules.simple and len(thinned) == self.n:
+            return thinned
+        return self.completed(self.rules.kept(rng.permutation(thinned), self.n))
 
     def completed(self, members: Members) -> Members | None:
         """The touches and, up to n, the rows that add most and keep the rules; None if they run out."""
@@ -79,7 +79,7 @@ class Pool:
             members = np.append(members, int(np.argmax(np.where(fitting, gains, -np.inf))))
         return members
 
-    def first(self, rng: np.random.Generator) -> Found | None:
+    def first(self, rng: np.random.Generator) -> LocalOptimum | None:
         """A local optimum from a random start; None if no set that keeps the rules was found."""
         count = len(self.swaps.rows)
         few = min(3 * self.n, (self.n + count + 1) // 2)  # of a small pool not all, which would be one start for ever
@@ -89,13 +89,13 @@ class Pool:
                 return self.descend(members)
         return None
 
-    def after(self, members: Members, rng: np.random.Generator) -> Found | None:
+    def after(self, members: Members, rng: np.random.Generator) -> LocalOptimum | None:
         """A local optimum from as many touches of a set as keep the rules; None if there are none."""
         kept = members if self.rules.simple else self.rules.kept(rng.permutation(members), self.n)
         whole = self.completed(kept[: self.n]) if len(kept) else None
         return None if whole is None else self.descend(whole)
 
-    def child(self, parents: list[Members], rng: np.random.Generator) -> Found | None:
+    def child(self, parents: list[Members], rng: np.random.Generator) -> LocalOptimum | None:
         """A local optimum from the touches of others; None if they are all the same, or the rules leave none."""
         union = np.unique(np.concatenate(parents))
         if len(union) <= max(len(np.unique(members)) for members in parents):
@@ -107,11 +107,11 @@ class Pool:
 class Population:
     """Local optima that live together."""
 
-    def __init__(self, pool: Pool, people: list[Found]):
+    def __init__(self, pool: Pool, people: list[LocalOptimum]):
         self.pool, self.people = pool, people
         self.used = np.zeros(len(pool.swaps.rows), bool)
-        for found in people:
-            self.used[found.members] = True
+        for design in people:
+            self.used[design.members] = True
         self._settle()
 
     def _settle(self) -> None:
@@ -135,33 +135,33 @@ class Population:
             self._settle()
         return True
 
-    def _welcome(self, new: Found, level: float) -> bool:
+    def _welcome(self, new: LocalOptimum, level: float) -> bool:
         """Whether a set is better than a level and unlike all others."""
         return new.log > level and all(abs(new.log - other.log) > SAME for other in self.people)
 
 
 def evolve(
     pool: Pool, size: int, rng: np.random.Generator, progress: Callable[[int], float], start: Members | None = None
-) -> tuple[list[Found], int]:
+) -> tuple[list[LocalOptimum], int]:
     """The best sets, best first, and the searches made until `progress(searches)` says 1; none if the rules allow none.
 
     The first of all is completed from a `start` that is not empty. A population that has no better children any more
     makes room for a new one.
     """
-    best: list[Found] = []
+    best: list[LocalOptimum] = []
     count = 0
     while progress(count) < 1 or not best:
-        people: list[Found] = []
+        people: list[LocalOptimum] = []
         while len(people) < size and (progress(count) < 1 or not people):
-            found = None if count or start is None else pool.after(start, rng)
-            found = found or pool.first(rng)
+            design = None if count or start is None else pool.after(start, rng)
+            design = design or pool.first(rng)
             count += 1
-            if found is None:
+            if design is None:
                 return best, count
-            people.append(found)
+            people.append(design)
         population, since = Population(pool, people), 0
         while len(people) > 1 and progress(count) < 1 and since < STALE * size:
             since = 0 if population.breed(rng) else since + 1
             count += 1
-        best += sorted(population.people, key=lambda found: -found.log)[:2]
-    return sorted(best, key=lambda found: -found.log), count
+        best += sorted(population.people, key=lambda design: -design.log)[:2]
+    return sorted(best, key=lambda design: -design.log), count

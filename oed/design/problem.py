@@ -28,14 +28,14 @@ class DesignProblem:
     rows: Float[np.ndarray, "candidates parameters"]
     criterion: Criterion  # of these rows, with the zone that it needs
     fixed: Members  # touches that are in already
-    known: Float[np.ndarray, "parameters parameters"]  # information of the fixed touches and the prior
+    before: Float[np.ndarray, "parameters parameters"]  # information of the fixed touches and the prior
     rules: Rules  # for the candidates, then as many empty rows as there are slots
     slots: int  # touches to choose beside the fixed ones
     free: Int[np.ndarray, " free"]  # rows that may be chosen
 
     def relaxed(self, repeats: bool) -> ApproximateDesign:
         """Best weights under the rules that weights can keep: number or budget, repeats, quotas."""
-        relax = partial(approximate_design, criterion=self.criterion, prior=self.known)
+        relax = partial(approximate_design, criterion=self.criterion, prior=self.before)
         rules, real = self.rules, len(self.rows)
         if rules.cost is not None:
             share = rules.cost[:real] / rules.budget
@@ -75,15 +75,17 @@ def design_problem(
     """The problem, after every check that can be made before the search; raises ValueError."""
     rows = checked(rows)
     count, p = rows.shape
-    chosen = criterion_named(criterion).on(zone, p)
-    taken = _indices(fixed, count)
-    known = checked_prior(prior, p) + information(rows[taken])
+    measure = criterion_named(criterion).on(zone, p)
+    fixed_members = _indices(fixed, count)
+    before = checked_prior(prior, p) + information(rows[fixed_members])
     if (cost is None) != (budget is None) or (n is None and budget is None):
         raise ValueError("n: give a number of touches, or both `cost` and `budget`")
     cost = None if cost is None else _checked_cost(cost, count)
-    room = np.inf if cost is None or budget is None else float(budget) - float(cost[taken].sum())
-    slots = _slots(n, len(taken), count if repeats else count - len(np.unique(taken)), repeats, cost, room)
-    rank = int(np.linalg.matrix_rank(known, hermitian=True))
+    room = np.inf if cost is None or budget is None else float(budget) - float(cost[fixed_members].sum())
+    slots = _slots(
+        n, len(fixed_members), count if repeats else count - len(np.unique(fixed_members)), repeats, cost, room
+    )
+    rank = int(np.linalg.matrix_rank(before, hermitian=True))
     if slots + rank < p:
         raise ValueError(
             f"n: {slots} touches beside what is known determine at most {slots + rank} of {p} parameters; "
@@ -96,16 +98,16 @@ def design_problem(
         budget=room,
         cost=None if cost is None else np.concatenate([cost, np.zeros(slots)]),
         position=_places(positions, min_distance, count, slots),
-        **_quotas(face, quotas, taken, count, slots, repeats),
+        **_quotas(face, quotas, fixed_members, count, slots, repeats),
     )
     free = np.ones(count + slots, bool)
     if not repeats:
-        free[taken] = False
-    if rules.position is not None and len(taken):
-        free &= ~rules.near(taken).any(axis=0)
+        free[fixed_members] = False
+    if rules.position is not None and len(fixed_members):
+        free &= ~rules.near(fixed_members).any(axis=0)
     if cost is None:
         free[count:] = False
-    return DesignProblem(rows, chosen, taken, known, rules, slots, np.flatnonzero(free))
+    return DesignProblem(rows, measure, fixed_members, before, rules, slots, np.flatnonzero(free))
 
 
 def _indices(fixed: np.ndarray | None, count: int) -> Members:
@@ -128,13 +130,13 @@ def _checked_cost(cost: np.ndarray, count: int) -> Float[np.ndarray, " candidate
     return cost
 
 
-def _slots(n: int | None, taken: int, free: int, repeats: bool, cost: np.ndarray | None, room: float) -> int:
+def _slots(n: int | None, fixed: int, free: int, repeats: bool, cost: np.ndarray | None, room: float) -> int:
     """How many touches there are to choose."""
     if n is not None and n != int(n):
         raise ValueError(f"n: {n:g}, expected a whole number of touches")
-    slots = free if n is None else int(n) - taken
+    slots = free if n is None else int(n) - fixed
     if n is not None and slots < 1:
-        raise ValueError(f"n: {n} touches of which {taken} are fixed leave none to choose; ask for more")
+        raise ValueError(f"n: {n} touches of which {fixed} are fixed leave none to choose; ask for more")
     if not repeats and slots > free:
         raise ValueError(
             f"n: {slots} touches to choose and only {free} candidates left; add candidates, or allow repeats"

@@ -58,23 +58,23 @@ def approximate_design(
     is nan. E and G have kinks: their gap ends near 1e-3.
     """
     rows = checked(rows)
-    chosen = criterion_named(criterion).on(zone, rows.shape[1])
-    known = checked_prior(prior, rows.shape[1])
+    measure = criterion_named(criterion).on(zone, rows.shape[1])
+    before = checked_prior(prior, rows.shape[1])
     owners = Owners.single(len(rows)) if owner is None else Owners.of(owner, len(rows))
     allowed = admissible(len(owners), cap, face, quotas)
-    T, back = _basis(chosen, rows, known, touches)
-    inner = chosen.in_basis(T)
-    search = Search(rows, T, known, touches, allowed, chosen.needs_zone, owners)
+    T, back = _basis(measure, rows, before, touches)
+    inner = measure.in_basis(T)
+    search = Search(rows, T, before, touches, allowed, measure.needs_zone, owners)
     for objective in inner.relaxed.sharpened():
         search.run(objective, gap)
         if search.gap <= gap:
             break
     value, ratio = float(inner.value(search.information, touches)), 1 + search.gap if inner.certified else np.nan
     return ApproximateDesign(
-        criterion=chosen.name,
+        criterion=measure.name,
         weights=search.all_weights(),
         value=value,
-        bound=value * ratio**chosen.degree if inner.certified else np.nan,
+        bound=value * ratio**measure.degree if inner.certified else np.nan,
         gap=ratio - 1,
         information=back.T @ search.information @ back,
         closeness=search.closeness,

@@ -16,7 +16,7 @@ class RobustSwaps(Swaps):
 
     def __init__(self, robots: Sequence[Swaps]):
         self.robots = list(robots)
-        super().__init__(robots[0].rows, robots[0].known, robots[0].criterion)
+        super().__init__(robots[0].rows, robots[0].before, robots[0].criterion)
 
     def among(self, index: Int[np.ndarray, " some"]) -> Self:
         """The same for some of the rows."""

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
-from identify.model.measurement import Measured, rows, spacing_rows
+from identify.model.measurement import Measurements, rows, spacing_rows
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
 from identify.uncertainty.coordinates import of_all_unknowns, of_identifiable
@@ -42,7 +42,7 @@ class Offer:
     rows: Float[np.ndarray, "rows unknowns"]  # whitened
     owner: Int[np.ndarray, " rows"]  # candidate of each row
     postures: Plan  # of all candidates
-    table: Measured | None  # None for touches
+    table: Measurements | None  # None for touches
     touches: CandidateSet | None = None
 
     def __len__(self) -> int:

@@ -127,12 +127,12 @@ def _unlike(
     touches: Candidates, gains: Float[np.ndarray, " touches"], without: Bool[np.ndarray, " touches"], many: int
 ) -> Int[np.ndarray, " starts"]:
     """The touches that gain most, no two alike."""
-    remaining, chosen = np.where(without, -np.inf, gains), list[int]()
-    while len(chosen) < many and np.isfinite(best := remaining.max()) and best > 0:
+    remaining, batch = np.where(without, -np.inf, gains), list[int]()
+    while len(batch) < many and np.isfinite(best := remaining.max()) and best > 0:
         k = int(np.argmax(remaining))
-        chosen.append(k)
+        batch.append(k)
         remaining[_alike(touches, np.array([k]))] = -np.inf
-    return np.array(chosen, dtype=int)
+    return np.array(batch, dtype=int)
 
 
 def _alike(touches: Candidates, index: Int[np.ndarray, " some"]) -> Bool[np.ndarray, " touches"]:

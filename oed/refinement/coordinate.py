@@ -85,7 +85,7 @@ class Refinement:
         """
         at, out = self.program.numbers(touches), touches.q.copy()
         for i in range(len(touches)):
-            found = self.solver(
+            solution = self.solver(
                 x0=at.x[i],
                 p=np.concatenate([at.p[i], C[i].ravel(), (S[i] / _size(S[i])).ravel()]),
                 lbx=at.x_limits[0, i],
@@ -93,7 +93,7 @@ class Refinement:
                 lbg=at.g_limits[0, i],
                 ubg=at.g_limits[1, i],
             )
-            out[i] = np.array(found["x"]).ravel()[: out.shape[1]]
+            out[i] = np.array(solution["x"]).ravel()[: out.shape[1]]
             if progress:
                 progress((i + 1) / len(touches))
         return out
@@ -103,9 +103,9 @@ class Refinement:
     ) -> tuple[Candidates, Int[np.ndarray, " trials"]]:
         """Touches on the way from each one to a posture, the farthest first, that can be made; and from which one."""
         owner = np.repeat(np.arange(len(touches)), len(SHARES))
-        asked = (touches.q[:, None] + SHARES[:, None] * (q - touches.q)[:, None]).reshape(len(owner), -1)
+        looks = (touches.q[:, None] + SHARES[:, None] * (q - touches.q)[:, None]).reshape(len(owner), -1)
         face = touches.face[owner]
-        q, landed = self._landed(face, asked)
+        q, landed = self._landed(face, looks)
         approach, infeasibility = self.feasibility.touch(face, q)
         p, R = self.cell.kinematics.tip(q, self.coordinates.theta)
         normal = touches.normal[owner]
@@ -133,7 +133,7 @@ class Refinement:
         p, R = self.cell.kinematics.tip(q, self.coordinates.theta)
         normal = self._normal[face]
         to = self._foot(face, p) + self._extent(face, R)[:, None] * normal
-        found = reach(
+        result = reach(
             self.cell.kinematics,
             self.coordinates.theta,
             to,
@@ -142,7 +142,7 @@ class Refinement:
             free_roll=q.shape[1] == 5,
             free_orientation=q.shape[1] < 5,
         )
-        return found.q, found.reached()
+        return result.q, result.reached()
 
     @cached_property
     def _normal(self) -> Float[np.ndarray, "faces 3"]:
@@ -227,16 +227,16 @@ def _accepted(
     """Touches after those moves towards `goals` that can be made and raise the value; and their rows."""
     trials, owner = refinement.approaches(touches, goals)
     rows = refinement.coordinates.rows(trials.expected_rows(refinement.cell))
-    best, moved = value(F), set[int]()
+    best, indices = value(F), set[int]()
     for k, i in enumerate(owner.tolist()):
-        if i in moved or not _apart(touches, i, trials, k):
+        if i in indices or not _apart(touches, i, trials, k):
             continue
         changed = F.copy()
         changed[i] = rows[k]
         if (now := value(changed)) > best:
             best, F = now, changed
             touches = replaced(touches, np.array([i]), trials.take(np.array([k])))
-            moved.add(i)
+            indices.add(i)
     return touches, F
 
 

@@ -77,8 +77,8 @@ class Program:
         _, theta = symbols(self.cell.robot)
         q, above = self.x[:joints], self.x[joints:]
         n, origin, u, v = (self.p[i : i + 3] for i in (0, 3, 6, 9))
-        made = ca.vertcat(ca.sign(q - above), 0)  # the side from which each joint comes
-        tip, R = self._pose(q, theta, made)
+        conditions = ca.vertcat(ca.sign(q - above), 0)  # the side from which each joint comes
+        tip, R = self._pose(q, theta, conditions)
         lean = ca.dot(n, R[:, 2])
         height = self._height(ca.dot(n, tip - origin), lean)
         unknowns = self.coordinates.prior.unknowns
@@ -152,8 +152,8 @@ class Program:
         slopes = unknowns.shared_slopes(rows, self.coordinates.theta) / rows.sigma[:, None]
         return slopes @ self.coordinates.basis[len(unknowns.parameters) :]
 
-    def _pose(self, q: ca.SX, theta: ca.SX, made: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
-        T = jig_T_tip(self.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]), made)
+    def _pose(self, q: ca.SX, theta: ca.SX, conditions: ca.SX | None = None) -> tuple[ca.SX, ca.SX]:
+        T = jig_T_tip(self.cell.robot, q, theta, ca.SX.eye(4)[:3, :], ca.SX([[0, 0, 0, 1]]), conditions)
         return T[:, 3], T[:, :3]
 
     def _height(self, height: ca.SX, lean: ca.SX) -> ca.SX:

@@ -33,7 +33,7 @@ class Simultaneous:
     def best(self, touches: Candidates) -> Float[np.ndarray, "touches joints"]:
         """Where Ipopt would have all touches, within joint limits, tilt and insets."""
         at = self.program.numbers(touches)
-        found = self.solver(
+        solution = self.solver(
             x0=at.x.ravel(),
             p=at.p.ravel(),
             lbx=at.x_limits[0].ravel(),
@@ -41,15 +41,15 @@ class Simultaneous:
             lbg=at.g_limits[0].ravel(),
             ubg=at.g_limits[1].ravel(),
         )
-        return np.array(found["x"]).reshape(self.n, -1)[:, : touches.q.shape[1]]
+        return np.array(solution["x"]).reshape(self.n, -1)[:, : touches.q.shape[1]]
 
     @cached_property
     def solver(self) -> ca.Function:
         """Ipopt with gradient and Hessian handed over."""
         x, p = self.symbols
         problem = {"x": x, "p": p, "f": self._value[0], "g": ca.vec(self.rows[2])}
-        given = {"grad_f": self.gradient, "hess_lag": self.hessian, "ipopt.max_iter": ITERATIONS}
-        return ca.nlpsol("simultaneous", "ipopt", problem, OPTIONS | given)
+        options = {"grad_f": self.gradient, "hess_lag": self.hessian, "ipopt.max_iter": ITERATIONS}
+        return ca.nlpsol("simultaneous", "ipopt", problem, OPTIONS | options)
 
     @cached_property
     def gradient(self) -> ca.Function:

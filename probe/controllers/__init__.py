@@ -74,8 +74,8 @@ def open_controller(
     sentence: the protocol unknown, the port absent or taken, nobody or somebody else there, a wrong baud rate.
     """
     if protocol not in PROTOCOLS:
-        known = ", ".join(PROTOCOLS)
-        raise InputError(f"protocol '{protocol}' is unknown{nearest(protocol, PROTOCOLS)}; there are {known}")
+        names = ", ".join(PROTOCOLS)
+        raise InputError(f"protocol '{protocol}' is unknown{nearest(protocol, PROTOCOLS)}; there are {names}")
     from probe.line.transport import open_port
 
     clock = clock or Clock()

@@ -36,10 +36,10 @@ class Counted:
 
     def search(self, q: Float[np.ndarray, " joints"], rate: float) -> Contact | NoContact:
         """Move straight towards `q` until the wire touches."""
-        found = self._backend.search(self._counts(q), rate)
-        if isinstance(found, NoContact):
-            return NoContact(self._model(found.q))
-        return replace(found, q=self._model(found.q), stop=self._model(found.stop))
+        result = self._backend.search(self._counts(q), rate)
+        if isinstance(result, NoContact):
+            return NoContact(self._model(result.q))
+        return replace(result, q=self._model(result.q), stop=self._model(result.stop))
 
     def latch(self) -> Latch | None:
         """The last latch of this boot."""

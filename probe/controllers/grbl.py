@@ -90,11 +90,11 @@ class Grbl:
                 raise Refused("UNHOMED", "GRBL is locked by an alarm: home it, or unlock it where that is safe")
             link.unlock("$X", link.patience)
         link.settle(4 * link.silence)
-        said = link.told("$#") + link.told("$$")
-        for name, values in (found.groups() for line in said if (found := OFFSETS.fullmatch(line))):
+        lines = link.told("$#") + link.told("$$")
+        for name, values in (match.groups() for line in lines if (match := OFFSETS.fullmatch(line))):
             if name in ("G54", "G92") and np.any(numbers(values)):
                 raise Refused("SYNTAX", f"{name} offsets its axes by {values}; set it to zero at the controller")
-        if "$13=1" in said:
+        if "$13=1" in lines:
             raise Refused("SYNTAX", "it reports inches ($13=1); set $13=0 at the controller")
         link.adopt()
         self._checks = self._tells_offsets()
@@ -168,7 +168,7 @@ class Grbl:
             return watch.objection(report.position * self._unit / self._degree, report.probe)
 
         try:
-            said = self.link.told(line, seconds + SLACK, astray, poll)
+            lines = self.link.told(line, seconds + SLACK, astray, poll)
         except LinkLost:
             self.link.patiently(self.link.halt)
             self.link.same_boot()
@@ -177,8 +177,8 @@ class Grbl:
             with suppress(LinkLost, Refused):
                 self.link.patiently(self.link.halt)
             raise
-        heard = [probe.text for line in said if (probe := read_probe(line, self.joints))]
-        for line in said:
+        heard = [probe.text for line in lines if (probe := read_probe(line, self.joints))]
+        for line in lines:
             if (refused := refusal(line)) is not None and not (line == SAME_PLACE and heard):
                 raise Refused(*refused)
         if word == "G1" or not heard:
@@ -210,8 +210,8 @@ class Grbl:
         """Whether GRBL says which tool offset it has understood; raises Refused where the line is too disturbed."""
         until, refused = self.link.clock.now() + self.link.clock.at_least(ASKING, ASKING), 0
         while self.link.clock.now() < until:
-            said = self.link.told(offset(np.zeros(self.joints), 100.0))
-            refused = refused + 1 if NO_OFFSETS.intersection(said) else 0
+            lines = self.link.told(offset(np.zeros(self.joints), 100.0))
+            refused = refused + 1 if NO_OFFSETS.intersection(lines) else 0
             if refused > 1:
                 return False
             if self._understood(np.full(self.joints, 0.001 * (1 + secrets.randbelow(999))), 100.0):
@@ -221,12 +221,12 @@ class Grbl:
     def _understood(self, target: Float[np.ndarray, " joints"], feed: float) -> bool:
         """Write target and feed without a motion, and see whether GRBL has them."""
         self.link.told(offset(target, feed, f"S{self.link.speed}"))
-        said = [found for line in self.link.told("$#") if (found := OFFSETS.fullmatch(line)) and found[1] == "TLO"]
+        tools = [match for line in self.link.told("$#") if (match := OFFSETS.fullmatch(line)) and match[1] == "TLO"]
         modes = self.link.modes()
         fed = [float(word[1:]) for word in modes if word.startswith("F") and word[1:].replace(".", "", 1).isdecimal()]
         return (
-            len(said) == 1
-            and np.array_equal(numbers(said[0][2]), np.round(target, 3) + 0.0)
+            len(tools) == 1
+            and np.array_equal(numbers(tools[0][2]), np.round(target, 3) + 0.0)
             and {"G21", "G90", "G94"} <= set(modes)
             and len(fed) == 1
             and abs(fed[0] - feed) <= max(1.0, 0.01 * feed)

@@ -50,8 +50,8 @@ class GrblLink:
         tag, poll = f"t{secrets.token_hex(3)}", poll or self.poll
         wait = "G4P.01\n" if watch else ""  # G1 is answered when it is queued: wait until the queue is empty
         self._send(f"{line}\n{wait}(MSG,{tag})\n".encode())
-        said, still, against, echoed = list[str](), 0.0, 0, False
-        began = asked = heard = self.clock.now()
+        lines, still, against, echoed = list[str](), 0.0, 0, False
+        began = question = heard = self.clock.now()
         until = began + max(seconds, self.silence) + self.silence
         while True:
             for text in filter(SAID.fullmatch, self._listen(poll)):  # anything else is noise
@@ -59,15 +59,15 @@ class GrblLink:
                 if text == f"[MSG:{tag}]":
                     echoed = True
                     if watch is None:
-                        return said
+                        return lines
                     self._send(b"?")  # the wait may have been lost: see that the robot stands
                 elif (report := read_report(text, self.joints)) is None:
-                    said.append(text)
+                    lines.append(text)
                 else:
                     late = report.state == "Idle" and heard < began + min(seconds, BEGUN)  # said before it began
                     rests = report.state in STILL
-                    if echoed and rests and (said.count("ok") > 1 or not late):
-                        return said
+                    if echoed and rests and (lines.count("ok") > 1 or not late):
+                        return lines
                     still = 0.0 if late or not rests else still or heard
                     astray = watch(report) if watch and report.state == "Run" else ""
                     against = against + 1 if astray else 0
@@ -80,25 +80,25 @@ class GrblLink:
             if now - heard > self.silence * 2:
                 raise self._silent()
             if still and now - still > self.silence / 2:
-                self._no_echo(said)
-                return said
+                self._no_echo(lines)
+                return lines
             if now > until:
                 self.halt()
                 raise Refused("NOTREACHED", f"stopped after {seconds:.0f} s")
-            if now - asked >= poll:
+            if now - question >= poll:
                 self._send(b"?")
-                asked = now
+                question = now
 
-    def _no_echo(self, said: list[str]) -> None:
+    def _no_echo(self, lines: list[str]) -> None:
         """GRBL stands still and the echo does not come: an alarm, a hold, a restart, or a line was spoiled."""
-        refused = next((r for line in said if (r := refusal(line))), None)
+        refused = next((r for line in lines if (r := refusal(line))), None)
         if refused is not None:
             raise Refused(*refused)
         if self.report().state == "Hold":
             raise Refused("STOPPED", "feed hold")
         self.settle(self.patience)
         self.same_boot()
-        if not any(line == "ok" for line in said):
+        if not any(line == "ok" for line in lines):
             raise Refused("NOTREACHED", "the command or its answer was lost")
 
     def halt(self) -> None:
@@ -187,10 +187,10 @@ class GrblLink:
     def adopt(self) -> None:
         """Learn the boot, or draw one and leave it with GRBL."""
         for word in IDENTITY:
-            held = self._held(word)
-            self.boot = f"{word}{held or 1 + secrets.randbelow(HIGHEST)}"
+            value = self._held(word)
+            self.boot = f"{word}{value or 1 + secrets.randbelow(HIGHEST)}"
             self._kept = True
-            if not held:
+            if not value:
                 self._keep_boot()
             self._kept = f"{word}{self._held(word)}" == self.boot
             if self._kept:
@@ -209,8 +209,8 @@ class GrblLink:
 
     def modes(self) -> list[str]:
         """The words of the parser state."""
-        said = " ".join(line for line in self.told("$G") if line.startswith("[GC:"))
-        return said.removeprefix("[GC:").rstrip("]").split()
+        modes = " ".join(line for line in self.told("$G") if line.startswith("[GC:"))
+        return modes.removeprefix("[GC:").rstrip("]").split()
 
     def patiently(self, call: Callable[[], T]) -> T:
         """Call, and where the line is silent or gone open it anew and call again; raises LinkLost in the end."""
@@ -230,7 +230,7 @@ class GrblLink:
             self.told(offset(np.zeros(self.joints), 1.0, self.boot))
 
     def _held(self, word: str) -> int:
-        values = [said[1:] for said in self.modes() if said.startswith(word)]
+        values = [mode[1:] for mode in self.modes() if mode.startswith(word)]
         return int(float(values[0])) if values and values[0].replace(".", "", 1).isdecimal() else 0
 
     def _started_anew(self) -> NoReturn:

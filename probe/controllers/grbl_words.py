@@ -51,21 +51,21 @@ def numbers(text: str) -> Float[np.ndarray, " joints"]:
 
 def read_report(line: str, joints: int) -> Report | None:
     """A status report with machine positions; None where the line is none, or says less."""
-    found = REPORT.fullmatch(line)
+    match = REPORT.fullmatch(line)
     fields = dict(part.partition(":")[::2] for part in line.strip("<>").split("|")[1:])
     position = numbers(fields.get("MPos", ""))
-    if found is None or len(position) != joints or not np.isfinite(position).all():
+    if match is None or len(position) != joints or not np.isfinite(position).all():
         return None
-    return Report(found[1], position, "P" in fields.get("Pn", ""))
+    return Report(match[1], position, "P" in fields.get("Pn", ""))
 
 
 def read_probe(line: str, joints: int) -> Probe | None:
     """A probe result; None where the line is none."""
-    found = PROBE.fullmatch(line)
-    position = numbers(found[1]) if found else np.array([])
-    if found is None or len(position) != joints or not np.isfinite(position).all():
+    match = PROBE.fullmatch(line)
+    position = numbers(match[1]) if match else np.array([])
+    if match is None or len(position) != joints or not np.isfinite(position).all():
         return None
-    return Probe(line, position, found[2] == "1")
+    return Probe(line, position, match[2] == "1")
 
 
 def refusal(line: str) -> tuple[str, str] | None:

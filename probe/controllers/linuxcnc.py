@@ -171,8 +171,8 @@ class LinuxCNC:
         """Ask LinuxCNC what it remembers, and count as it counts; raises Rebooted where it has forgotten."""
         self._fit()
         report = self._machine.report()
-        known, self._boot = self._boot, report.boot
-        if known not in ("", report.boot):
+        before, self._boot = self._boot, report.boot
+        if before not in ("", report.boot):
             raise self._rebooted()
         off = np.abs(report.at[: self.joints] - self._machine.commanded())
         if not off.max() < ARRIVED:

@@ -69,9 +69,9 @@ class Machine:
 
     def switch_on(self) -> None:
         """Reset the emergency stop and switch the machine on, where that is possible."""
-        for what, wanted in (("estop", "OFF"), ("machine", "ON")):
-            if self.shell.get(what) != wanted:
-                self.shell.set(f"{what} {wanted}")
+        for what, state in (("estop", "OFF"), ("machine", "ON")):
+            if self.shell.get(what) != state:
+                self.shell.set(f"{what} {state}")
 
     def home(self) -> None:
         """Home every joint; raises Refused where that does not end."""

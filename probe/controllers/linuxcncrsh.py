@@ -56,13 +56,13 @@ class Shell:
 
     def messages(self, kind: str = "error") -> list[str]:
         """The messages of a kind that nobody has read yet; each question fetches one, of whichever kind."""
-        found: list[str] = []
+        lines: list[str] = []
         silent = 0
-        while silent < 3 and len(found) < 100:
+        while silent < 3 and len(lines) < 100:
             text = self.get(kind)
             silent = silent + 1 if text == "OK" else 0
-            found += [text] if text != "OK" else []
-        return list(dict.fromkeys(found))
+            lines += [text] if text != "OK" else []
+        return list(dict.fromkeys(lines))
 
     def abort(self) -> None:
         """Stop everything, at once: also where the answer to an earlier request has not been waited for."""
@@ -80,9 +80,9 @@ class Shell:
             self._catch_up()
         self._in_step = False
         self._send(request)
-        found = self._until(answer)
+        answers = self._until(answer)
         self._in_step = True
-        return found
+        return answers
 
     def _catch_up(self) -> None:
         """Leave behind whatever is still to be heard, by a question that only this answer fits."""
@@ -102,8 +102,8 @@ class Shell:
         while True:
             while self._heard:
                 line = self._heard.pop(0)
-                if found := re.fullmatch(pattern, line):
-                    return found
+                if match := re.fullmatch(pattern, line):
+                    return match
                 other = other or line
             if self.clock.now() > deadline:
                 raise LinkLost(f"{self._unexpected(other)} at {self.transport.url}; {cure}")

@@ -81,8 +81,8 @@ class Edges:
         wire = self.clearance.segment_gaps(*self.clearance.wire(q), max(self.keep, WIRE) / SHARE)
         nearer = [gap[index.ravel()].reshape(2, -1).min(axis=0) for gap in (arm, inside, wire)]
         most = max(self.keep, MARGIN / 2), min(max(self.keep, MARGIN / 2), MARGIN), max(self.keep, WIRE)
-        kept = [np.minimum(SHARE * gap, limit) for gap, limit in zip(nearer, most, strict=True)]
-        return kept[0], kept[1], kept[2]
+        nodes = [np.minimum(SHARE * gap, limit) for gap, limit in zip(nearer, most, strict=True)]
+        return nodes[0], nodes[1], nodes[2]
 
     def _postures(
         self,

@@ -128,10 +128,10 @@ def _length(D: Float[np.ndarray, "places places"], tour: Int[np.ndarray, " place
 
 
 def _nearest_neighbour(D: Float[np.ndarray, "places places"]) -> Int[np.ndarray, " places"]:
-    tour, left = [len(D) - 1], np.ones(len(D), dtype=bool)
+    tour, rest = [len(D) - 1], np.ones(len(D), dtype=bool)
     for _ in range(len(D) - 1):
-        left[tour[-1]] = False
-        tour.append(int(np.argmin(np.where(left, D[tour[-1]], np.inf))))
+        rest[tour[-1]] = False
+        tour.append(int(np.argmin(np.where(rest, D[tour[-1]], np.inf))))
     return np.array(tour)
 
 

@@ -13,7 +13,7 @@ FUTILE = {"LIMIT", "SYNTAX"}  # a second attempt would be answered alike
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class Success:
     """An attempt that counts."""
 
     reading: Reading
@@ -21,7 +21,7 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Failed:
+class Failure:
     """An attempt that does not count."""
 
     status: str  # as in touches.csv
@@ -32,7 +32,7 @@ class Failed:
 class Motion(Retreat):
     """Attempts at touches, each from its approach to its retract."""
 
-    def begin(self) -> tuple[bool, Measured | Failed | None]:
+    def begin(self) -> tuple[bool, Success | Failure | None]:
         """Look at the controller, and bring a broken run back to its approach.
 
         Whether the position can be trusted, and what came of a search whose answer nobody heard. Raises TouchError
@@ -48,8 +48,8 @@ class Motion(Retreat):
         if self.session.intent is None:
             self._first_look(state)
             return True, None
-        known = state.boot == self.session.boot != ""
-        if not known and not self.settings.trust_position:
+        same = state.boot == self.session.boot != ""
+        if not same and not self.settings.trust_position:
             cause = "has started anew since" if state.boot else "cannot tell whether it has started anew since"
             raise Rebooted(
                 f"the controller {cause}: check that it is homed and shows where the robot stands, then go on "
@@ -58,11 +58,11 @@ class Motion(Retreat):
         picked_up = self._picked_up(state)
         search = self.session.search
         self.retreat()
-        if isinstance(picked_up, Measured) and search and (reason := unconfirmed(self.session.evidence, search)):
-            picked_up = Failed("skipped", reason)
-        return known, picked_up
+        if isinstance(picked_up, Success) and search and (reason := unconfirmed(self.session.evidence, search)):
+            picked_up = Failure("skipped", reason)
+        return same, picked_up
 
-    def attempt(self, target: Target, name: str, near: Joints | None = None) -> Measured | Failed:
+    def attempt(self, target: Target, name: str, near: Joints | None = None) -> Success | Failure:
         """Approach, search, retract and verify, once; the robot stands at a safe place afterwards.
 
         The search begins `near` the contact, where that is given. Raises LinkLost, Rebooted, and TouchError where it
@@ -70,7 +70,7 @@ class Motion(Retreat):
         """
         back = target.approach
         if hit := self.room.hits([target.face], target.approach[None], target.contact[None])[0]:
-            return Failed("skipped", hit, again=False)
+            return Failure("skipped", hit, again=False)
         try:
             self._approach(target, name)
             if near is not None:
@@ -79,18 +79,18 @@ class Motion(Retreat):
             if self.settings.fast_speed is None:
                 return self._search(target, name, back)
             quick = self._seek(target, name, "fast", self.settings.fast_speed, back)
-            if isinstance(quick, Failed):
+            if isinstance(quick, Failure):
                 return quick
             fast = self._reading(quick, target, self.settings.fast_speed)
             slow = self._search(self._backed_off(quick, target, name, back), name, back)
-            return replace(slow, fast=fast) if isinstance(slow, Measured) else slow
+            return replace(slow, fast=fast) if isinstance(slow, Success) else slow
         except Refused as refusal:
             if refusal.code in HOPELESS:
                 raise TouchError(f"{refusal}; put that right, then go on with --resume") from None
             self.retreat()
             self.tell(Recovered(str(refusal)))
             status = "early" if refusal.code == "EARLY" else "skipped"
-            return Failed(status, str(refusal), refusal.code not in FUTILE)
+            return Failure(status, str(refusal), refusal.code not in FUTILE)
 
     def _first_look(self, state: State) -> None:
         if state.contact:
@@ -101,7 +101,7 @@ class Motion(Retreat):
         except Refused as refusal:
             raise NotReady(f"{refusal}; put that right, then start again") from None
 
-    def _picked_up(self, state: State) -> Measured | Failed | None:
+    def _picked_up(self, state: State) -> Success | Failure | None:
         """What came of a search that an earlier run did not finish."""
         search, contact = self.session.search, self.session.contact
         if search is None:
@@ -109,16 +109,16 @@ class Motion(Retreat):
         if contact is None:
             latch = self.controller.latch()
             if latch is None or (latch.boot, latch.sequence) != (search.boot, search.sequence):
-                return Failed("skipped", "nothing was touched")
+                return Failure("skipped", "nothing was touched")
             contact = Contact(latch.q, state.q, latch.boot, latch.sequence)
             self.session.latched(contact)
         if self.session.intent is search:
             self._observe(CONTACT, self._settled())
         elif RETRACTED not in self.session.evidence:
-            return Failed("skipped", "nobody saw the input open when the wire left the face")
+            return Failure("skipped", "nobody saw the input open when the wire left the face")
         why_not = objection(contact, search, self.session.evidence, self.geometry)
         velocity = self.geometry.velocity(search.start, search.end, search.rate)
-        return Failed("skipped", why_not) if why_not else Measured(Reading(contact.q, velocity))
+        return Failure("skipped", why_not) if why_not else Success(Reading(contact.q, velocity))
 
     def _approach(self, target: Target, name: str) -> None:
         if self._apart(self.here, target.approach):
@@ -133,35 +133,35 @@ class Motion(Retreat):
                 self._move(q, name, "move", self.here, self.settings.move_speed)
         self._await_open()
 
-    def _search(self, target: Target, name: str, back: Joints) -> Measured | Failed:
+    def _search(self, target: Target, name: str, back: Joints) -> Success | Failure:
         """The search that counts, and the way back."""
-        found = self._seek(target, name, "search", self.geometry.search_speed, back)
-        if isinstance(found, Failed):
-            return found
+        result = self._seek(target, name, "search", self.geometry.search_speed, back)
+        if isinstance(result, Failure):
+            return result
         intent = self.session.search
         self.retreat()
         if intent and (why_not := unconfirmed(self.session.evidence, intent)):
-            return Failed("skipped", why_not)
-        return Measured(self._reading(found, target, self.geometry.search_speed))
+            return Failure("skipped", why_not)
+        return Success(self._reading(result, target, self.geometry.search_speed))
 
-    def _seek(self, target: Target, name: str, kind: str, speed: float, back: Joints) -> Contact | Failed:
+    def _seek(self, target: Target, name: str, kind: str, speed: float, back: Joints) -> Contact | Failure:
         """Search at a speed [mm/s]; where it ends in a contact that counts, the robot still rests on it."""
         rate = self.geometry.search_rate(target, speed)
         self._observe(APPROACH, self._state())
         intent = self._intend(kind, name, target.approach, target.end, back, rate)
-        found = self.controller.search(target.end, rate)
-        if isinstance(found, NoContact):
-            self.here = found.q
+        result = self.controller.search(target.end, rate)
+        if isinstance(result, NoContact):
+            self.here = result.q
             self.retreat()
-            return Failed("miss", f"nothing met within {target.length:.1f} mm of search")
-        self.session.latched(found)
-        self.here = found.stop
+            return Failure("miss", f"nothing met within {target.length:.1f} mm of search")
+        self.session.latched(result)
+        self.here = result.stop
         self._observe(CONTACT, self._settled())
-        why_not = objection(found, intent, self.session.evidence, self.geometry)
+        why_not = objection(result, intent, self.session.evidence, self.geometry)
         if not why_not:
-            return found
+            return result
         self.retreat()
-        return Failed("skipped", why_not)
+        return Failure("skipped", why_not)
 
     def _settled(self) -> State:
         """The state of a robot that has rested on a contact; the input may bounce at first, a flicker is soon over."""

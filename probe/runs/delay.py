@@ -51,21 +51,21 @@ def without_delay(results: Iterable[Result], cell: Cell, delay: float) -> Touche
 
     Touches whose speed is not known stay out.
     """
-    kept = [r for r in results if r.status == HIT and np.isfinite(r.reading.velocity).all()]
+    hits = [r for r in results if r.status == HIT and np.isfinite(r.reading.velocity).all()]
     faces = {} if cell.jig is None else cell.jig.by_name
-    moved = [replace(r, note="; ".join(filter(None, (r.note, f"set back by {1000 * delay:.2f} ms")))) for r in kept]
+    shifted = [replace(r, note="; ".join(filter(None, (r.note, f"set back by {1000 * delay:.2f} ms")))) for r in hits]
     joints = len(cell.robot.joints)
     return Touches(
-        ids=tuple(r.id for r in moved),
-        face=tuple(r.face for r in moved),
-        q=np.array([r.reading.q - delay * r.reading.velocity for r in moved]).reshape(-1, joints),
-        normal=np.array([faces[r.face].normal for r in moved]).reshape(-1, 3),
-        offset=np.array([faces[r.face].offset for r in moved]),
-        sigma=np.full(len(moved), cell.touch.sigma),
-        status=(HIT,) * len(moved),
-        temperature=np.array([r.temperature for r in moved]),
-        time=tuple(r.time for r in moved),
-        note=tuple(r.note for r in moved),
+        ids=tuple(r.id for r in shifted),
+        face=tuple(r.face for r in shifted),
+        q=np.array([r.reading.q - delay * r.reading.velocity for r in shifted]).reshape(-1, joints),
+        normal=np.array([faces[r.face].normal for r in shifted]).reshape(-1, 3),
+        offset=np.array([faces[r.face].offset for r in shifted]),
+        sigma=np.full(len(shifted), cell.touch.sigma),
+        status=(HIT,) * len(shifted),
+        temperature=np.array([r.temperature for r in shifted]),
+        time=tuple(r.time for r in shifted),
+        note=tuple(r.note for r in shifted),
     )
 
 

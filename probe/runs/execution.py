@@ -9,7 +9,7 @@ from probe.line.clock import Clock
 from probe.line.controller import Controller, TouchError
 from probe.motion.joint_path import Joints, Target
 from probe.motion.settings import Settings
-from probe.runs.attempt import Failed, Measured, Motion
+from probe.runs.attempt import Failure, Motion, Success
 from probe.runs.events import Drifted, Finished, Listener, Retried, Started, Touched, Touching, ignore
 from probe.runs.prediction import Predictor, Surprise
 from probe.runs.preflight import validate
@@ -95,7 +95,7 @@ class Execution:
         for hit in hits:
             if hit.id not in self._by_id or hit.id in self.session.doubted or TWICE in hit.note:
                 continue
-            if abs(self._judge(Measured(hit.reading), self._of(hit.id)).difference) < floor / 2:
+            if abs(self._judge(Success(hit.reading), self._of(hit.id)).difference) < floor / 2:
                 continue
             others = Predictor(self.session.cell)
             for other in hits:
@@ -115,23 +115,23 @@ class Execution:
 
     def _begin(self) -> None:
         """See that the controller is ready, and bring a broken run to its end."""
-        trusted, found = self.motion.begin()
+        trusted, readings = self.motion.begin()
         search = self.session.search
-        if search is not None and found is not None:
-            self._pick_up(search.id, found)
+        if search is not None and readings is not None:
+            self._pick_up(search.id, readings)
         if not trusted:
             self._confirm_position()
             self.session.trusted(self.motion.boot)
 
-    def _pick_up(self, name: str, found: Measured | Failed) -> None:
+    def _pick_up(self, name: str, result: Success | Failure) -> None:
         """Take the touch whose search was made, but whose row was never written."""
-        if isinstance(found, Measured) and name not in self.session.results:
-            surprise = self._judge(found, self._of(name))
+        if isinstance(result, Success) and name not in self.session.results:
+            surprise = self._judge(result, self._of(name))
             if not surprise.beyond(self.settings.disagreement):
-                self._record(name, HIT, found, surprise, 1, "picked up after an interruption")
+                self._record(name, HIT, result, surprise, 1, "picked up after an interruption")
                 return
-            found = Failed("outlier", "far from the prediction")
-        self.session.rejected(found.reason if isinstance(found, Failed) else "made before")
+            result = Failure("outlier", "far from the prediction")
+        self.session.rejected(result.reason if isinstance(result, Failure) else "made before")
 
     def _confirm_position(self) -> None:
         """After a restart, touch a known point again: the position must mean what it meant before."""
@@ -141,11 +141,11 @@ class Execution:
         if before is None:
             raise TouchError("no known point can be reached from here without passing the jig; jog the robot above it")
         target = self._of(before.id)
-        found = self.motion.attempt(target, before.id)
-        if isinstance(found, Failed):
-            raise TouchError(f"touch '{before.id}' could not be repeated after the restart: {found.reason}")
+        result = self.motion.attempt(target, before.id)
+        if isinstance(result, Failure):
+            raise TouchError(f"touch '{before.id}' could not be repeated after the restart: {result.reason}")
         self.session.rejected("made to confirm the position")
-        change = self._change(before.reading, found.reading, target)
+        change = self._change(before.reading, result.reading, target)
         self.tell(Drifted(before.id, change))
         if abs(change) > self.settings.agreement:
             raise TouchError(
@@ -155,43 +155,41 @@ class Execution:
 
     def _touch(self, target: Target, name: str) -> Result:
         """One point, as often as it takes within bounds; its row is written in any case."""
-        suspects = list[Measured]()
-        attempt, failure = 0, Failed("skipped", "")
+        suspects = list[Success]()
+        attempt, failure = 0, Failure("skipped", "")
         while failure.again and attempt <= self.settings.retries and (failure.status, attempt) != ("early", 2):
             attempt += 1
             self.tell(Touching(name, target.face.name, attempt))
-            found = self.motion.attempt(target, name, self._near(target) if attempt == 1 else None)
-            if isinstance(found, Measured):
-                surprise = self._judge(found, target)
-                twin = any(self._alike(found, other, target) for other in suspects)
+            result = self.motion.attempt(target, name, self._near(target) if attempt == 1 else None)
+            if isinstance(result, Success):
+                surprise = self._judge(result, target)
+                twin = any(self._alike(result, other, target) for other in suspects)
                 if twin or not surprise.beyond(self.settings.disagreement):
                     note = f"{surprise.difference:+.2f} mm from the prediction{TWICE}" if twin else ""
-                    return self._record(name, HIT, found, surprise, attempt, note)
-                suspects.append(found)
-                found = Failed("outlier", f"{surprise.difference:+.2f} mm from the prediction")
-            failure = found
+                    return self._record(name, HIT, result, surprise, attempt, note)
+                suspects.append(result)
+                result = Failure("outlier", f"{surprise.difference:+.2f} mm from the prediction")
+            failure = result
             self.session.rejected(failure.reason)
             self.tell(Retried(name, attempt, failure.reason))
-        last = (
-            suspects[-1] if failure.status == "outlier" else Measured(Reading(self.motion.here, 0 * self.motion.here))
-        )
+        last = suspects[-1] if failure.status == "outlier" else Success(Reading(self.motion.here, 0 * self.motion.here))
         return self._record(name, failure.status, last, None, attempt, failure.reason)
 
     def _record(
-        self, name: str, status: str, found: Measured, surprise: Surprise | None, attempts: int, note: str
+        self, name: str, status: str, reading: Success, surprise: Surprise | None, attempts: int, note: str
     ) -> Result:
         """Write the row, learn from it, and tell."""
         target, settings = self._of(name), self.settings
         temperature = np.nan if settings.temperature is None else settings.temperature
         words = "; ".join(filter(None, (note, settings.note)))
         result = Result(
-            name, target.face.name, status, found.reading, found.fast, self.clock.stamp(), temperature, words
+            name, target.face.name, status, reading.reading, reading.fast, self.clock.stamp(), temperature, words
         )
         self.session.finish(result)
         if status == HIT:
-            self._learn(found.reading, target)
+            self._learn(reading.reading, target)
         self._made += 1
-        left = (len(self.targets) - self._done()) * (self.clock.robot() - self._start) / self._made
+        seconds = (len(self.targets) - self._done()) * (self.clock.robot() - self._start) / self._made
         judged = surprise or Surprise(np.nan, np.nan, np.nan)
         self.tell(
             Touched(
@@ -205,7 +203,7 @@ class Execution:
                 words,
                 self._done(),
                 len(self.targets),
-                left,
+                seconds,
             )
         )
         return result
@@ -247,10 +245,10 @@ class Execution:
         worth = fraction * target.length > WORTH
         return target.approach + fraction * (target.end - target.approach) if worth else None
 
-    def _judge(self, found: Measured, target: Target) -> Surprise:
-        return self.predictor.judge(found.reading.q, target.face)
+    def _judge(self, reading: Success, target: Target) -> Surprise:
+        return self.predictor.judge(reading.reading.q, target.face)
 
-    def _alike(self, a: Measured, b: Measured, target: Target) -> bool:
+    def _alike(self, a: Success, b: Success, target: Target) -> bool:
         return abs(self._change(a.reading, b.reading, target)) < self.settings.agreement
 
     def _change(self, before: Reading, after: Reading, target: Target) -> float:

@@ -52,20 +52,20 @@ def read_records(path: Path) -> Contents:
         return Contents()
     except OSError as error:
         raise TouchError(f"{path}: cannot be read: {error.strerror}") from None
-    contents, expected = Contents(torn=bool(lines[-1])), 0
+    contents, next_number = Contents(torn=bool(lines[-1])), 0
     for place, line in enumerate(lines[:-1], 1):
         record = record_of(line)
-        number = expected if record is None else record.get(NUMBER, expected)
+        number = next_number if record is None else record.get(NUMBER, next_number)
         if record is None:
             contents.broken.append(f"line {place} is damaged")
-        elif not isinstance(number, int) or number < expected:
+        elif not isinstance(number, int) or number < next_number:
             contents.broken.append(f"line {place} repeats record {number}")
             continue
         else:
-            if number > expected:
-                contents.broken.append(f"before line {place}, {number - expected} records are missing")
+            if number > next_number:
+                contents.broken.append(f"before line {place}, {number - next_number} records are missing")
             contents.records.append(record)
-        expected = number + 1
+        next_number = number + 1
     return contents
 
 

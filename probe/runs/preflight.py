@@ -22,15 +22,15 @@ def validate(plan: Plan, cell: Cell, settings: Settings, joints: int | None = No
     `joints` is what the controller says it has.
     """
     mistakes = [Mistake("settings", 0, text) for text in _settings(settings)]
-    expected, planned = len(cell.robot.joints), plan.q.shape[1]
-    if planned != expected:
-        mistakes.append(Mistake("plan", 0, f"it is for {planned} joints, the robot '{cell.robot.name}' has {expected}"))
+    expected, columns = len(cell.robot.joints), plan.q.shape[1]
+    if columns != expected:
+        mistakes.append(Mistake("plan", 0, f"it is for {columns} joints, the robot '{cell.robot.name}' has {expected}"))
     if joints not in (None, expected):
         mistakes.append(
             Mistake("controller", 0, f"it moves {joints} joints, the robot '{cell.robot.name}' has {expected}")
         )
-    known = {} if cell.jig is None else cell.jig.by_name
-    mistakes += [Mistake("plan", 0, cell.unknown_face(face)) for face in dict.fromkeys(plan.face) if face not in known]
+    faces = {} if cell.jig is None else cell.jig.by_name
+    mistakes += [Mistake("plan", 0, cell.unknown_face(face)) for face in dict.fromkeys(plan.face) if face not in faces]
     if mistakes or cell.jig is None:
         raise InputError(mistakes or "the cell has no jig to touch; name one in cell.yaml (jig: library:step-block)")
     geometry = Geometry(cell, settings)

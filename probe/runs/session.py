@@ -218,12 +218,12 @@ class Session:
 
     def _repair(self) -> None:
         """Make touches.csv what the journal says it is, and adopt whole rows that only touches.csv knows."""
-        found = self.path.read_bytes() if self.path.exists() else b""
-        if found == self._table().encode():
+        content = self.path.read_bytes() if self.path.exists() else b""
+        if content == self._table().encode():
             return
-        if not self._table().encode().startswith(found):
+        if not self._table().encode().startswith(content):
             copy, header = keep_copy(self.path), self._header
-            text = found.decode("utf-8", "replace") + "\n" * (not found.endswith(b"\n"))
+            text = content.decode("utf-8", "replace") + "\n" * (not content.endswith(b"\n"))
             adopted, broken = sound_rows(text, header, self.cell, self.plan, {*self.results, *self.doubted})
             for line in adopted:
                 self._append({"kind": "result", "id": line.split(",")[0], "line": line, "source": self.path.name})
@@ -231,7 +231,7 @@ class Session:
             self._add_repair(
                 f"{self.path} was not what its journal says{named}: written anew, the old one is {copy.name}"
             )
-        elif found:
+        elif content:
             self._add_repair(f"{self.path} was cut short: completed from its journal")
         self._write_table()
 

@@ -56,11 +56,11 @@ def touch_batch(
     latch = np.where(early, 0.0, fraction)
     if timing:
         latch = np.where(early, 0.0, _late(cell, truth, paths, fraction, rng))
-    found = (met != NO_FACE) & (latch < 1) & ~early
-    latch = np.where(found | early, latch, 1.0)
+    hits = (met != NO_FACE) & (latch < 1) & ~early
+    latch = np.where(hits | early, latch, 1.0)
     q = plan.approach + latch[:, None] * (end - plan.approach)
     return _touches(
-        cell, truth, plan, q, np.array([*surface.names, ""])[np.where(found, met, NO_FACE)], found, early, blind
+        cell, truth, plan, q, np.array([*surface.names, ""])[np.where(hits, met, NO_FACE)], hits, early, blind
     )
 
 
@@ -101,7 +101,7 @@ def _touches(
     plan: Plan,
     q: Float[np.ndarray, "touches joints"],
     met: np.ndarray,
-    found: Bool[np.ndarray, " touches"],
+    hits: Bool[np.ndarray, " touches"],
     early: Bool[np.ndarray, " touches"],
     blind: bool,
 ) -> Touches:
@@ -109,8 +109,8 @@ def _touches(
     planned = np.array(plan.face)
     names, where = np.unique(planned, return_inverse=True)
     known = [faces[name] for name in names]
-    hit = found & (blind | (met == planned))
-    note = np.where(found, np.char.add("touched ", met), f"no contact within {cell.touch.travel:g} mm")
+    hit = hits & (blind | (met == planned))
+    note = np.where(hits, np.char.add("touched ", met), f"no contact within {cell.touch.travel:g} mm")
     note = np.where(early, "in contact at the approach", np.where(hit, "", note))
     return Touches(
         ids=plan.ids,

@@ -85,8 +85,8 @@ class Surroundings:
     def arm(self) -> list[Balls]:
         """The links, without the torch; the base may stand on the table."""
         last = len(self.robot.joints)
-        drawn = [_along(c.link, f"link {c.link}", c.start, c.end, c.radius) for c in self.robot.capsules]
-        return [balls for balls in (*drawn, *_shapes(self.robot)) if 0 < balls.link < last]
+        bodies = [_along(c.link, f"link {c.link}", c.start, c.end, c.radius) for c in self.robot.capsules]
+        return [balls for balls in (*bodies, *_shapes(self.robot)) if 0 < balls.link < last]
 
     def prepare(self) -> None:
         """Sample the surfaces of the links, which takes seconds for some meshes: before anybody waits for an answer."""
@@ -117,16 +117,16 @@ class Surroundings:
         if not (self.boxes or self.shapes):
             return None
         frames, torch = self._frames(q, theta), self.torch(theta)
-        found: Collision | None = None
+        first: Collision | None = None
         for balls in (*self.arm, *torch):
             for name, gap in self._gaps(balls, frames[balls.link]):
-                found = _earlier(found, gap, balls.name, name)
+                first = _earlier(first, gap, balls.name, name)
         for balls in torch:
             for other in self.arm:
                 if other.link < balls.link - 2:
                     gap = _between(balls, other, frames[balls.link], frames[other.link])
-                    found = _earlier(found, gap, balls.name, other.name)
-        return found
+                    first = _earlier(first, gap, balls.name, other.name)
+        return first
 
     def _gaps(
         self, balls: Balls, T: Float[np.ndarray, "looks 4 4"]
@@ -162,11 +162,11 @@ class Surroundings:
         return out
 
 
-def _earlier(found: Collision | None, gap: Float[np.ndarray, " looks"], body: str, other: str) -> Collision | None:
+def _earlier(first: Collision | None, gap: Float[np.ndarray, " looks"], body: str, other: str) -> Collision | None:
     """The earlier of a collision and the first look at which a gap is closed, and more so than at the beginning."""
     hit = np.flatnonzero((gap < -DEEP) & (gap < gap[0] - DEEP)) if gap[0] < 0 else np.flatnonzero(gap < -DEEP)
-    if not len(hit) or (found is not None and found.fraction <= hit[0] / (len(gap) - 1)):
-        return found
+    if not len(hit) or (first is not None and first.fraction <= hit[0] / (len(gap) - 1)):
+        return first
     return Collision(float(hit[0] / (len(gap) - 1)), body, other)
 
 

@@ -42,24 +42,24 @@ def run(cell: Cell, truth: Truth, announce: Callable[[str], None] = print, **opt
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; 2 on bad input."""
     try:
-        asked = _parser().parse_args(arguments)
-        cell = read_cell(asked.cell)
-        truth = choose_truth(cell, asked.truth, asked.seed)
-        start = None if asked.start is None else _joints(asked.start, cell)
+        options = _parser().parse_args(arguments)
+        cell = read_cell(options.cell)
+        truth = choose_truth(cell, options.truth, options.seed)
+        start = None if options.start is None else _joints(options.start, cell)
         run(
             cell,
             truth,
             lambda url: print(url, flush=True),
-            protocol=asked.protocol,
-            port=asked.port,
-            faults=asked.fault,
-            seed=asked.seed,
-            speed=asked.speed,
+            protocol=options.protocol,
+            port=options.port,
+            faults=options.fault,
+            seed=options.seed,
+            speed=options.speed,
             start=start,
-            baud=asked.baud,
-            deadman=asked.deadman,
-            log=asked.log,
-            axis_unit_deg=asked.axis_unit_deg,
+            baud=options.baud,
+            deadman=options.deadman,
+            log=options.log,
+            axis_unit_deg=options.axis_unit_deg,
         )
     except (ValueError, OSError) as error:  # InputError among them
         print(error, file=sys.stderr)

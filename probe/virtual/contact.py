@@ -115,8 +115,8 @@ def _entries(
         place, g = surface.place(face, position[row], axis[row]), gap[row, face][:, None]
         ends.append(np.hstack([g, -g - surface.depth, -place, place - surface.size[face]]))
     enter, through = _clip(*ends)
-    found = np.isfinite(enter)
-    return begin[found], face[found], enter[found], through[found]
+    inside = np.isfinite(enter)
+    return begin[inside], face[inside], enter[inside], through[inside]
 
 
 def _clip(

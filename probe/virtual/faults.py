@@ -66,20 +66,20 @@ class Fault:
 
 def parse_fault(text: str) -> Fault:
     """A fault from how it is written; raises InputError with the cure."""
-    written = WRITTEN.fullmatch(text.strip())
-    kind = written["kind"] if written else re.split("[:@,]", text)[0]
+    match = WRITTEN.fullmatch(text.strip())
+    kind = match["kind"] if match else re.split("[:@,]", text)[0]
     if kind not in KINDS:
         raise InputError(f"fault '{kind}' is unknown{nearest(kind, KINDS)}; there are {', '.join(KINDS)}")
-    if written is None:
+    if match is None:
         raise InputError(f"fault '{text}' cannot be read; write {kind}:0.05 or {kind}@3, then options like ,seconds=2")
-    options = dict(part.split("=") for part in written["options"].split(",") if part)
+    options = dict(part.split("=") for part in match["options"].split(",") if part)
     unknown = set(options) - {"way", "seconds", "fraction", "on", "for"}
     way, scope = ("out" if kind == "unsolicited" else "both"), KINDS[kind][0]
     try:
         fault = Fault(
             kind,
-            rate=float(written["rate"] or 0),
-            at=int(written["at"] or (0 if written["rate"] else 1)),
+            rate=float(match["rate"] or 0),
+            at=int(match["at"] or (0 if match["rate"] else 1)),
             way=options.get("way", way),
             seconds=float(options.get("seconds", SECONDS.get(kind, 0.0))),
             fraction=float(options.get("fraction", 0.5)),

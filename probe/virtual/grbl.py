@@ -152,8 +152,8 @@ class GrblController(GrblState):
         """Take or clear a tool offset."""
         if "no-offset" in self.quirks:
             return [error(20)]
-        kept = self.offset if block.offset == "G43.1" else np.zeros(len(self.unit))
-        self.offset = np.array([block.axes.get(a, k) for a, k in zip(AXES, kept, strict=False)])
+        offset = self.offset if block.offset == "G43.1" else np.zeros(len(self.unit))
+        self.offset = np.array([block.axes.get(a, k) for a, k in zip(AXES, offset, strict=False)])
         return [OKAY]
 
     def _move(self, axes: Float[np.ndarray, " joints"], values: dict[str, float]) -> list[bytes]:

@@ -69,9 +69,9 @@ class GrblState:
 
     def _report(self) -> bytes:
         moving = self.robot.moving
-        held = "Hold:1" if moving else "Hold:0"
+        report = "Hold:1" if moving else "Hold:0"
         moving &= self.robot.time >= self._idle_until
-        state = "Alarm" if self.alarm else held if self._held else "Run" if moving else "Idle"
+        state = "Alarm" if self.alarm else report if self._held else "Run" if moving else "Idle"
         pin = "|Pn:P" if self.robot.contact else ""
         return f"<{state}|MPos:{self._position(self.robot.q)}|FS:{self.feed_rate:.0f},0{pin}>\r\n".encode()
 

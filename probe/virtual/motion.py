@@ -58,8 +58,10 @@ class Profile:
         if time >= self.end or (self.pieces[-1].acceleration < 0 and time >= self.pieces[-1].start):
             return self
         fraction, speed = self.at(time)
-        kept = tuple(piece for piece in self.pieces if piece.start < time)
-        return Profile((*kept, Piece(time, fraction, speed, -self.braking)), time + speed / self.braking, self.braking)
+        pieces = tuple(piece for piece in self.pieces if piece.start < time)
+        return Profile(
+            (*pieces, Piece(time, fraction, speed, -self.braking)), time + speed / self.braking, self.braking
+        )
 
 
 def straight(

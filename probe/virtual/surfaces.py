@@ -77,11 +77,11 @@ class Surfaces:
 
 def surfaces(jig: Jig, wire: Wire, proud: Mapping[str, float] | None = None) -> Surfaces:
     """What a wire can touch on a jig whose faces stand `proud` of their drawing [mm]."""
-    drawn = _drawn(jig, wire)
+    shapes = _drawn(jig, wire)
     if not proud:
-        return drawn
-    shift = np.array([proud.get(name, 0.0) for name in drawn.names])
-    return replace(drawn, origin=drawn.origin + shift[:, None] * drawn.normal)
+        return shapes
+    shift = np.array([proud.get(name, 0.0) for name in shapes.names])
+    return replace(shapes, origin=shapes.origin + shift[:, None] * shapes.normal)
 
 
 @lru_cache(maxsize=8)
@@ -105,7 +105,7 @@ def _drawn(jig: Jig, wire: Wire) -> Surfaces:
 def _sides(jig: Jig) -> list[Face]:
     """Sides of the boxes that lie in the plane of no face, the table around the jig for instance."""
     planes = {(*face.normal.round(6), round(face.offset, 3)) for face in jig.faces}
-    found = []
+    faces = []
     for i, box in enumerate(jig.boxes):
         lower, edges = np.array(box.lower, dtype=float), np.diag(np.subtract(box.upper, box.lower))
         for axis in range(3):
@@ -113,5 +113,5 @@ def _sides(jig: Jig) -> list[Face]:
             for origin, a, b in ((lower, v, u), (lower + edges[axis], u, v)):
                 side = Face(f"box {i + 1}", origin, a, b)
                 if (*side.normal.round(6), round(side.offset, 3)) not in planes:
-                    found.append(side)
-    return found
+                    faces.append(side)
+    return faces

@@ -151,10 +151,10 @@ def truth_path(name: str) -> Path:
     """The file that `library:NAME` or a path stands for; raises InputError where the library has none such."""
     if not name.startswith(LIBRARY):
         return Path(name)
-    short, known = name.removeprefix(LIBRARY), truths()
-    if short not in known:
-        raise InputError(f"the library has no truth '{short}'{nearest(short, known)}; it has {', '.join(known)}")
-    return known[short]
+    short, names = name.removeprefix(LIBRARY), truths()
+    if short not in names:
+        raise InputError(f"the library has no truth '{short}'{nearest(short, names)}; it has {', '.join(names)}")
+    return names[short]
 
 
 def read_truth(path: Path, cell: Cell) -> Truth:

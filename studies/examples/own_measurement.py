@@ -8,7 +8,7 @@ import numpy as np
 import identify
 import oed
 import probe
-from identify.model.measurement import MEASUREMENTS, Kind, Measured, Rows
+from identify.model.measurement import MEASUREMENTS, Kind, Measurements, Rows
 from identify.model.touch import Table
 
 
@@ -33,7 +33,7 @@ cell, rng = identify.read_cell(identify.library("cells")["arc-welder"]), np.rand
 truth = probe.draw_truth(cell, rng, scale=0.1)
 touches = probe.touch_batch(cell, truth, oed.plan(cell, 40, rng=rng, count=1500).plan, rng)
 z = cell.kinematics.tip(touches.q, truth.theta)[0][:, 2] + 0.02 * rng.standard_normal(40)
-heights = cast(Measured, Heights(tuple(f"h{i}" for i in range(40)), touches.q, z))
+heights = cast(Measurements, Heights(tuple(f"h{i}" for i in range(40)), touches.q, z))
 for measured in ([touches], [touches, heights]):
     calibration = identify.calibrate(cell, *measured, errors="cell")
     print(f"{len(calibration.residuals)} measurements, z of the base to {calibration.sigma[2]:.3f} mm")

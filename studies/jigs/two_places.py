@@ -67,10 +67,10 @@ def second_places(
     ):
         weights = approximate_design(X, "V", GAP, touches=TOUCHES, prior=P, zone=Z)
         assert weights.gap <= GAP
-        chosen = exact_design(
+        members = exact_design(
             X, TOUCHES, "V", prior=P, zone=Z, relaxation=weights, iterations=searches, rng=rng
         ).indices
-        error = _delivered((here, there), chosen, at, loose * LOOSE, robots, zone, rng)
+        error = _delivered((here, there), members, at, loose * LOOSE, robots, zone, rng)
         yield Case(what, at, float(np.sqrt(weights.value)), error)
 
 
@@ -93,7 +93,7 @@ def _joined(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 def _delivered(
     offers: tuple[CandidateSet, CandidateSet],
-    chosen: np.ndarray,
+    members: np.ndarray,
     at: np.ndarray,
     loose: np.ndarray,
     robots: int,
@@ -105,7 +105,7 @@ def _delivered(
     theta, off = draw_many(first, robots, rng), loose * rng.standard_normal((robots, 6))
     faces = int(rng.integers(2**32))  # the jig is the same at both places
     parts = []
-    for k, (one, mine) in enumerate(zip(offers, _split(chosen, len(offers[0].rows)), strict=True)):
+    for k, (one, mine) in enumerate(zip(offers, _split(members, len(offers[0].rows)), strict=True)):
         if not len(mine):
             continue
         true = theta if k == 0 else with_second_base(theta, off, at)
@@ -117,8 +117,8 @@ def _delivered(
     return errors_in_zone(first, theta, fits, zone)
 
 
-def _split(chosen: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
-    return chosen[chosen < first], chosen[chosen >= first] - first
+def _split(members: np.ndarray, first: int) -> tuple[np.ndarray, np.ndarray]:
+    return members[members < first], members[members >= first] - first
 
 
 def with_second_base(

@@ -51,8 +51,8 @@ def touches(rng: np.random.Generator, measured: int) -> Question:
     normal, radius = np.eye(3)[np.arange(measured) % 3], np.full(measured, cell.wire.radius)
     blank = Rows(q[:measured], normal, np.zeros(measured), radius, np.full(measured, SIGMA), (), np.arange(measured))
     offset = measurement_model(cell.robot).residual(truth, blank) + SIGMA * rng.standard_normal(measured)
-    told = _told(cell, cell.theta, q, measured, SIGMA) | {"normal": normal, "offset": offset, "radius": radius}
-    return Question(told, cell.kinematics.tip(q[measured:], truth)[0])
+    numbers = _told(cell, cell.theta, q, measured, SIGMA) | {"normal": normal, "offset": offset, "radius": radius}
+    return Question(numbers, cell.kinematics.tip(q[measured:], truth)[0])
 
 
 def irb120(rng: np.random.Generator, measured: int) -> Question:
@@ -67,9 +67,9 @@ def irb120(rng: np.random.Generator, measured: int) -> Question:
     point = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "z_mm")])[order]
     cell = Cell(read_robot(library("robots")["irb120"]), None, base=None, tool=None, wire=Wire(0.0, "point"))
     ids = tuple(map(str, range(measured)))
-    seen = Positions(ids, q[:measured], point[:measured], np.full(measured, REPEATABILITY))
-    start = starting_point(cell, rows(cell.wire, [seen]))
-    return Question(_told(cell, start, q, measured, REPEATABILITY) | {"point": seen.point}, point[measured:])
+    positions = Positions(ids, q[:measured], point[:measured], np.full(measured, REPEATABILITY))
+    start = starting_point(cell, rows(cell.wire, [positions]))
+    return Question(_told(cell, start, q, measured, REPEATABILITY) | {"point": positions.point}, point[measured:])
 
 
 QUESTIONS = {"tracker": tracker, "irb120": irb120, "touches": touches}

@@ -142,8 +142,8 @@ def error_mistakes(document: Document) -> list[Mistake]:
     ]
 
 
-def _known(name: str, known: Iterable[str]) -> str:
-    return f"{nearest(name, known)}; there are {', '.join(known)}"
+def _known(name: str, names: Iterable[str]) -> str:
+    return f"{nearest(name, names)}; there are {', '.join(names)}"
 
 
 def robot_mistakes(document: Document) -> list[Mistake]:

@@ -79,10 +79,10 @@ def named_jig(name: str) -> Path:
     """The file of a jig or workpiece that a path or library:NAME stands for."""
     if not name.startswith(LIBRARY):
         return Path(name)
-    known, short = library("jigs"), name.removeprefix(LIBRARY)
-    if short not in known:
-        raise InputError(f"the library has no jig '{short}'{nearest(short, known)}; it has {', '.join(known)}")
-    return known[short]
+    names, short = library("jigs"), name.removeprefix(LIBRARY)
+    if short not in names:
+        raise InputError(f"the library has no jig '{short}'{nearest(short, names)}; it has {', '.join(names)}")
+    return names[short]
 
 
 @contextmanager
@@ -143,12 +143,12 @@ def _resolve(name: str, kind: Literal["robots", "jigs"], key: str, document: Doc
     """The file that a `library:` name or a path relative to the cell file stands for."""
     if not name.startswith(LIBRARY):
         return _beside(name, document, sources, key)
-    known, short = library(kind), name.removeprefix(LIBRARY)
-    if short not in known:
-        hint = f"{nearest(short, known)}; it has {', '.join(known)}"
+    names, short = library(kind), name.removeprefix(LIBRARY)
+    if short not in names:
+        hint = f"{nearest(short, names)}; it has {', '.join(names)}"
         raise InputError([document.wrong(f"the library has no {key} '{short}'{hint}", key)])
-    sources[f"{LIBRARY}{kind}/{short}"] = digest(known[short])
-    return known[short]
+    sources[f"{LIBRARY}{kind}/{short}"] = digest(names[short])
+    return names[short]
 
 
 def _beside(name: str, document: Document, sources: dict[str, str], *key: str) -> Path:

@@ -7,7 +7,7 @@ import numpy as np
 
 from identify.model.files import sheet_text
 from identify.model.io.tables import APPROACH, PLANE, POINT, joint_columns
-from identify.model.measurement import MEASUREMENTS, Measured
+from identify.model.measurement import MEASUREMENTS, Measurements
 from identify.model.robot import Robot
 from identify.model.touch import Plan
 
@@ -20,7 +20,7 @@ class PlanPart:
 
     kind: str
     plan: Plan  # postures, and ways to them; approach and posture are one except for touches
-    table: Measured | None  # what they would read; None for touches
+    table: Measurements | None  # what they would read; None for touches
 
     def does(self, i: int) -> str:
         """What device or operator do at measurement i."""

@@ -21,7 +21,7 @@ from identify.model.io.tables import (
     touch_columns,
     touches_of,
 )
-from identify.model.measurement import Measured
+from identify.model.measurement import Measurements
 from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
 
 ANGLES = ("rz_deg", "ry_deg", "rx_deg")
@@ -30,7 +30,7 @@ COLUMNS = {"distance": ("anchor", "distance_mm"), "contact": ("point",), "pose":
 """Columns by which a row shows its kind; a row that fills none of them is a touch."""
 
 
-def read_measurements(path: Path | str, cell: Cell, *, trust_units: bool = False) -> tuple[Measured, ...]:
+def read_measurements(path: Path | str, cell: Cell, *, trust_units: bool = False) -> tuple[Measurements, ...]:
     """Read touches, positions, poses, distances and contacts, a table each; raises InputError with every mistake.
 
     Rows may name a further `placement` or `tool` of the cell.
@@ -163,16 +163,16 @@ def _check_payload(sheet: Sheet, cell: Cell) -> None:
     if "payload_kg" not in sheet.columns:
         return
     payload = sheet.numbers("payload_kg", float("nan"))
-    given = payload[~np.isnan(payload)]
-    if not len(given):
+    values = payload[~np.isnan(payload)]
+    if not len(values):
         return
-    known = cell.robot.payload[0] if cell.robot.payload else float(given[0])
-    for row in np.flatnonzero(np.abs(payload - known) > 1e-9).tolist():
-        text = f"payload_kg is {payload[row]:g}, other than {known:g}: the robot bends otherwise"
+    reference = cell.robot.payload[0] if cell.robot.payload else float(values[0])
+    for row in np.flatnonzero(np.abs(payload - reference) > 1e-9).tolist():
+        text = f"payload_kg is {payload[row]:g}, other than {reference:g}: the robot bends otherwise"
         sheet.wrong(row, f"{text}; identify from measurements with one payload, that of payload: in cell.yaml")
 
 
-READERS: dict[str, Callable[[Sheet, Cell, bool], Measured]] = {
+READERS: dict[str, Callable[[Sheet, Cell, bool], Measurements]] = {
     "touch": _touches,
     "position": _positions,
     "pose": _poses,

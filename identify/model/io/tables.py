@@ -28,8 +28,8 @@ def joint_columns(robot: Robot, prefix: str = "") -> list[str]:
 
 def touch_columns(robot: Robot) -> list[str]:
     """The columns of touches.csv, in order."""
-    measured = ["id", "time", "status", "face", *PLANE, "sigma_mm", *joint_columns(robot), "temperature_c", "note"]
-    return [*measured, *joint_columns(robot, APPROACH)]
+    columns = ["id", "time", "status", "face", *PLANE, "sigma_mm", *joint_columns(robot), "temperature_c", "note"]
+    return [*columns, *joint_columns(robot, APPROACH)]
 
 
 def read_touches(path: Path | str, cell: Cell, *, trust_units: bool = False) -> Touches:
@@ -139,16 +139,16 @@ def read_plan(path: Path | str, cell: Cell) -> Plan:
 def _vias(sheet: Sheet, vias: Sequence[Sequence[str]]) -> Float[np.ndarray, "rows vias joints"]:
     """Postures on the way, as many as the sheet has columns for; a row gives all joints of one, or none."""
     here = [names for names in vias if sheet.columns.keys() & set(names)]
-    found = np.stack(
+    values = np.stack(
         [np.column_stack([_optional(sheet, name) for name in names]) for names in here]
         or [np.empty((len(sheet.lines), 0))],
         axis=1,
     )
     for k, names in enumerate(here):
-        missing = np.isnan(found[:, k])
+        missing = np.isnan(values[:, k])
         for row in np.flatnonzero(missing.any(axis=1) & ~missing.all(axis=1)):
             sheet.wrong(int(row), f"{names[0]} to {names[-1]}: some are empty; write all of them, or none")
-    return found if here else np.empty((len(sheet.lines), 0, len(vias[0])))
+    return values if here else np.empty((len(sheet.lines), 0, len(vias[0])))
 
 
 def plan_text(plan: Plan, robot: Robot) -> str:
@@ -177,8 +177,8 @@ def touches_text(touches: Touches, robot: Robot) -> str:
     columns["sigma_mm"] = touches.sigma
     columns |= dict(zip(joint_columns(robot), robot.to_controller(touches.q).T.round(9), strict=True))
     columns |= {"temperature_c": touches.temperature, "note": touches.note}
-    begun = np.full_like(touches.q, np.nan) if touches.approach is None else touches.approach
-    columns |= dict(zip(joint_columns(robot, APPROACH), robot.to_controller(begun).T.round(9), strict=True))
+    start = np.full_like(touches.q, np.nan) if touches.approach is None else touches.approach
+    columns |= dict(zip(joint_columns(robot, APPROACH), robot.to_controller(start).T.round(9), strict=True))
     return sheet_text(columns)
 
 
@@ -231,25 +231,25 @@ def _planes(
 ) -> tuple[list[str], Float[np.ndarray, "rows 3"], Float[np.ndarray, " rows"]]:
     """Face names, normals and offsets; a row names a face or gives a plane, not both."""
     face = sheet.text("face")
-    given = np.column_stack([_optional(sheet, name) for name in PLANE])
+    planes = np.column_stack([_optional(sheet, name) for name in PLANE])
     faces = {} if cell.jig is None else cell.jig.by_name
-    plane = given.copy()
+    plane = planes.copy()
     for row, name in enumerate(face):
         if name in faces:
             known = faces[name]
             plane[row] = (*known.normal, known.offset)
         elif name:
             sheet.wrong(row, cell.unknown_face(name))
-        elif np.isnan(given[row]).any():
+        elif np.isnan(planes[row]).any():
             sheet.wrong(row, "neither a face nor a whole plane (nx, ny, nz, offset_mm); write one of them")
     by_numbers = np.array([not name for name in face], dtype=bool)
     length = np.linalg.norm(plane[:, :3], axis=1)
     for row in np.flatnonzero(np.abs(length - 1) > 1e-6).tolist():
         sheet.wrong(row, f"the normal has length {length[row]:.6g}, expected 1; divide nx, ny, nz by {length[row]:.6g}")
-    differs = ~by_numbers & (np.nan_to_num(np.abs(given - plane)).max(axis=1, initial=0.0) > 1e-4)
+    differs = ~by_numbers & (np.nan_to_num(np.abs(planes - plane)).max(axis=1, initial=0.0) > 1e-4)
     for row in np.flatnonzero(differs).tolist():
         sheet.wrong(row, f"the plane in numbers is not that of face '{face[row]}'; keep one of the two")
-    if by_numbers.sum() >= 3 and not trust_units and 0 < np.abs(given[by_numbers, 3]).max() < 5.0:
+    if by_numbers.sum() >= 3 and not trust_units and 0 < np.abs(planes[by_numbers, 3]).max() < 5.0:
         sheet.at(
             0, "no plane lies further than 5 mm from the jig's origin: metres? write millimetres, or say --trust-units"
         )

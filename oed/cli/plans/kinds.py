@@ -18,8 +18,8 @@ UNITS = {"": 1.0, "min": 1.0, "m": 1.0, "h": 60.0, "s": 1 / 60}  # minutes
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a plan of several kinds is asked for, and the options given that it does not heed."""
+class KindsChoice:
+    """What a plan of several kinds is to choose, and the options given that it does not heed."""
 
     kinds: str
     budget: str | None
@@ -28,24 +28,24 @@ class Asked:
 
 
 def plan_of_kinds(
-    asked: Asked, cell: "Cell", cell_file: Path, after: "Calibration | None", output: Path, seed: int, json: bool
+    choice: KindsChoice, cell: "Cell", cell_file: Path, after: "Calibration | None", output: Path, seed: int, json: bool
 ) -> None:
     """Write plan.csv, plan.json, plan.html, and a table for the readings of all kinds but touches."""
     from identify.model.io.kinds_plan import kinds_plan_text, readings_text, whole_plan
     from identify.report.plan import plan_page
     from oed.planning.kinds import plan_kinds, summary
 
-    if asked.budget is None:
+    if choice.budget is None:
         raise InputError("--kinds asks for a budget of minutes: write --budget 15min")
-    if asked.unheeded:
-        raise InputError(f"{asked.unheeded[0]} does not go with --kinds and --budget; leave it out")
-    kinds = [name.strip() for name in asked.kinds.split(",") if name.strip()]
+    if choice.unheeded:
+        raise InputError(f"{choice.unheeded[0]} does not go with --kinds and --budget; leave it out")
+    kinds = [name.strip() for name in choice.kinds.split(",") if name.strip()]
     with progress(not json) as on_progress:
         result = plan_kinds(
             cell,
             kinds,
-            minutes_of(asked.budget),
-            asked.criterion,
+            minutes_of(choice.budget),
+            choice.criterion,
             np.random.default_rng(seed),
             after=after,
             progress=on_progress,

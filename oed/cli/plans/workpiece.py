@@ -41,14 +41,14 @@ def plan_of_workpiece(
     beside = output.with_name(f"{output.stem}-cell.yaml")
     write_text(output, plan_text(result.plan, cell.robot))
     write_text(beside, cell_text(cell_file, beside, workpiece, result.cell))
-    known = "calibration.json" if after is None else after
-    told = workpiece_summary(result) | {"seed": seed}
-    told |= {"next": f"touchcal locate {known} {TOUCHES} --workpiece {workpiece}"}
-    write_json(output.with_suffix(".json"), told, {cell_file.name: digest(cell_file), workpiece: digest(file)})
+    name = "calibration.json" if after is None else after
+    answer = workpiece_summary(result) | {"seed": seed}
+    answer |= {"next": f"touchcal locate {name} {TOUCHES} --workpiece {workpiece}"}
+    write_json(output.with_suffix(".json"), answer, {cell_file.name: digest(cell_file), workpiece: digest(file)})
     if json:
-        print_json(told)
+        print_json(answer)
     else:
-        print(workpiece_story(told, output, beside, after))
+        print(workpiece_story(answer, output, beside, after))
 
 
 def cell_text(original: Path, beside: Path, workpiece: str, placed: "Cell") -> str:
@@ -87,27 +87,27 @@ def workpiece_summary(result: "WorkpiecePlan") -> dict[str, Any]:
     }
 
 
-def workpiece_story(told: dict[str, Any], output: Path, beside: Path, after: Path | None) -> str:
+def workpiece_story(answer: dict[str, Any], output: Path, beside: Path, after: Path | None) -> str:
     """The plan as a person reads it."""
     from oed.planning.workpiece import FEWEST
 
-    promise, lines = told["promise"], []
-    lines.append(f"{told['touches']} touches: {_on(told['faces'])}; about {told['minutes']:.0f} minutes")
+    promise, lines = answer["promise"], []
+    lines.append(f"{answer['touches']} touches: {_on(answer['faces'])}; about {answer['minutes']:.0f} minutes")
     error = f"RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm"
     lines.append(f"promised error of the corners in the base frame: {error}")
     lines += [
         f"{'minimal: ' if point['touches'] == FEWEST else '':>10}{point['touches']:3} touches  95 % "
         f"{point['p95_mm']:.3f} mm  {_on(point['faces'])}"
-        for point in told["curve"]
+        for point in answer["curve"]
     ]
     if after is None:
         lines.append(
             "note: this is for a robot as drawn, with its tolerances; --after calibration.json knows it better"
         )
-    lines += [f"note: {sentence}" for sentence in told["notes"]]
-    known = "" if after is None else f" --after {after}"
+    lines += [f"note: {sentence}" for sentence in answer["notes"]]
+    option = "" if after is None else f" --after {after}"
     return "\n".join(
-        [*lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}{known}"]
+        [*lines, f"wrote {output} and {beside}; make the touches with touchcal run {output} --cell {beside}{option}"]
     )
 
 

@@ -30,8 +30,8 @@ def progress(show: bool, what: str = "") -> Iterator[Callable[[str, float], None
         task, start = bar.add_task(what, total=None, left=""), monotonic()
 
         def update(what: str, share: float) -> None:
-            left = remaining(monotonic() - start, share)
-            bar.update(task, description=what, total=1.0, completed=share, left=left)
+            seconds = remaining(monotonic() - start, share)
+            bar.update(task, description=what, total=1.0, completed=share, left=seconds)
 
         yield update
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from identify.model.io.calibration_file import Calibration
-    from identify.model.measurement import Measured
+    from identify.model.measurement import Measurements
 
 
 def parameter_lines(c: "Calibration") -> list[str]:
@@ -27,7 +27,7 @@ def parameter_lines(c: "Calibration") -> list[str]:
     return lines
 
 
-def kind_lines(measured: Sequence["Measured"]) -> list[str]:
+def kind_lines(tables: Sequence["Measurements"]) -> list[str]:
     """Measurements of each kind, and the further placements and tools that they name, if they are not touches alone."""
     from identify.model.measurement import MEASUREMENTS
 
@@ -38,9 +38,9 @@ def kind_lines(measured: Sequence["Measured"]) -> list[str]:
             for column in ("placement", "tool")
             if (names := sorted({*(getattr(table, column) or ())} - {""}))
         )
-        for table in measured
-        for kind, known in MEASUREMENTS.items()
-        if isinstance(table, known.table)
+        for table in tables
+        for kind, entry in MEASUREMENTS.items()
+        if isinstance(table, entry.table)
     ]
     return [] if all(" of kind touch" in w and "," not in w for w in words) else ["; ".join(words)]
 
