@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.model.frames import inverse, pose, transform
+from identify.model.frames import inverse, pose, rotation, transform
 from identify.model.ik import reach
 from identify.model.io.calibration_file import Calibration
 from identify.model.jig import Jig
@@ -67,3 +67,27 @@ def touches_of(workpiece: Jig, face, q, sigma, **changes) -> Touches:
         ("",) * m,
     )
     return replace(made, **changes)
+
+
+SIGMA = 0.05  # [mm]
+
+
+SPREAD = [[0.1, 0.1], [0.9, 0.15], [0.5, 0.9], [0.5, 0.1], [0.5, 0.9], [0.5, 0.5]]  # front: u up, v along x
+
+
+def hidden(found, rng):
+    """base_T_workpiece of a box that stands anyhow, but within reach."""
+    T = np.eye(4)
+    T[:3, :3] = rotation(*rng.uniform(-0.3, 0.3, 3))
+    T[:3, 3] = np.array([200, 150, 100]) + rng.uniform(-60, 60, 3) - T[:3, :3] @ [200, 150, 75]
+    return inverse(transform(found.theta[:6])) @ T
+
+
+def touched(found, box, T, face, fraction, rng, theta=None, proud=None):
+    """What robots measure on workpieces; T and theta one a touch, or one for all."""
+    count = len(face)
+    T = np.broadcast_to(T, (count, 4, 4))
+    theta = np.broadcast_to(found.theta if theta is None else theta, (count, len(found.theta)))
+    point = np.stack([box.by_name[f].point(np.array(s), np.array(t)) for f, (s, t) in zip(face, fraction, strict=True)])
+    q = postures(found, box, T, face, point, rng)
+    return latched(found, box, T, face, q, theta, rng, SIGMA, proud)

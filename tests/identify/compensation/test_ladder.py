@@ -11,7 +11,6 @@ from scipy.optimize import least_squares
 
 from identify.compensation.ladder import FRAMES, MODEL, TOOL, WAYS, ZEROS, ladder
 from identify.model.zone import zone_poses
-from identify.report.ladder import ways
 
 
 @pytest.fixture(scope="module")
@@ -85,13 +84,3 @@ def test_a_cell_without_zone_and_jig_has_none(arc_welder):
     cell = replace(arc_welder, zone=None, jig=None)
 
     assert ladder(identified(cell, cell.theta)) == ()
-    assert ways(()) == ""
-
-
-def test_the_section_of_the_report_names_every_way_with_its_numbers(found, rungs):
-    section = ways(ladder(found))
-
-    for way, errors in rungs.items():
-        assert way in section
-        assert f"{errors.p95_mm:.3f}" in section
-    assert section.count("<rect") >= len(rungs)

@@ -6,12 +6,10 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from cells import cell_of
-from identified import identified
 from measured import TABLE_2, poses_over_jig, table_2, touches_at, with_offsets
 from scipy.stats import binom
 
-from identify.health.causes import causes, looked_for
+from identify.health.causes import looked_for
 from identify.health.judge import ALARM, judge, noticed
 from identify.model.files import InputError
 from identify.model.frames import rotation
@@ -25,6 +23,8 @@ from oed.planning.candidate_set import plan_of
 from oed.planning.health_check import plan_check
 
 DEG = np.pi / 180
+
+
 SIGMA = 0.05  # [mm]
 
 
@@ -183,14 +183,6 @@ def test_planned_touches_notice_more_than_as_many_of_those_on_offer(arc_welder, 
     by_cause = np.median(ratios, axis=0)
     assert np.median(by_cause) < 0.85
     assert by_cause.max() < 1.2  # no cause is given up for the others
-
-
-def test_every_robot_has_causes_with_a_direction_and_a_size(rng):
-    for robot in ("irb120", "scara", "arm7"):
-        cell = cell_of(robot)
-        for cause in causes(identified(cell, cell.theta)):
-            assert cause.directions.shape == (len(cell.theta), len(cause.size))
-            assert (cause.size > 0).all()
 
 
 def test_too_few_touches_and_touches_of_the_fit_are_refused(arc_welder, found, plan, rng):

@@ -11,16 +11,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from measured import poses_over_jig, positions_at, table_2, touches_at
-from virtual_support import make_plan
 
 from identify.estimation.calibrate import calibrate
 from identify.estimation.verification import verify
 from identify.model.cell import Cell
 from identify.model.io.calibration_file import Finding, Term
 from identify.model.jig import Jig
-from identify.report.plan import plan_page
+from identify.report.findings import chosen, findings
 from identify.report.report import report
-from identify.report.svg import NOTHING, axis, colour
 from identify.uncertainty.zone_map import zone_map
 
 HOSTILE = "<script>document.title='owned'</script><!--"
@@ -108,22 +106,6 @@ def test_the_map_of_the_zone_is_the_covariance_carried_to_the_tip(calibration):
     assert np.isnan(zone.error).mean() < 0.3
     doubled = zone_map(replace(calibration, covariance=4 * calibration.covariance))
     np.testing.assert_allclose(doubled.error, 2 * zone.error, rtol=1e-9)
-
-
-@pytest.mark.parametrize("values", [[0.0], [], [1e-9, 2e-9], [-3.2, 17.0], [np.nan, 1.0], [5.0, 5.0]])
-def test_an_axis_covers_its_values_with_a_few_round_ticks(values):
-    found = axis("x", values)
-
-    known = [v for v in values if np.isfinite(v)]
-    assert all(found.lower <= v <= found.upper for v in known)
-    assert 2 <= len(found.ticks) <= 10
-    assert found.lower < found.upper
-
-
-def test_colours_run_from_dark_to_light_and_grey_is_nothing():
-    shades = colour(np.array([0.0, 1.0, np.nan]))
-
-    assert shades == ["rgb(68,1,84)", "rgb(253,231,37)", NOTHING]
 
 
 @pytest.fixture(scope="module")
@@ -323,43 +305,17 @@ def test_a_hostile_cell_is_harmless_in_the_browser(browser, calibration, measure
     assert HOSTILE in browser.execute_script("return document.body.innerText")
 
 
-def test_joint_errors_that_the_touches_chose_and_faults_stand_in_the_page(calibration, measured):
+def test_joint_errors_and_findings_stand_in_the_page(calibration, measured):
     told = replace(
         calibration,
-        choice=(Term("compliance", 0.08, 0.17, 0.006, True), Term("gear", 0.0801, -0.0001, 0.0004, False)),
-        findings=(Finding("drift", "the tip moves by <1> mm"), Finding("outliers", "one", ("t1",))),
+        choice=(Term("compliance", 0.08, 0.17, 0.006, True),),
+        findings=(Finding("drift", "the tip moves by 1 mm"),),
     )
 
     page = report(told, [measured])
 
-    assert "geometry alone" in page
-    assert "0.250" in page  # what compliance leaves, and what it buys
-    assert "<b>drift</b>: the tip moves by &lt;1&gt; mm" in page
-    assert "geometry alone" not in report(calibration, [measured])
-
-
-@pytest.fixture(scope="module")
-def plan_html(arc_welder):
-    """The page of a plan of a cell with a hostile name."""
-    cell = replace(arc_welder, robot=replace(arc_welder.robot, name=HOSTILE))
-    told = {
-        "promise": {"rms_mm": 0.05, "p95_mm": 0.1},
-        "minutes": 3.0,
-        "curve": [{"touches": 20, "p95_mm": 0.1}],
-        "unseen": [HOSTILE],
-        "notes": [],
-    }
-    return plan_page(cell, make_plan(cell, 12, seed=5), told)
-
-
-def test_the_paths_of_a_plan_lead_from_approach_to_approach(plan_html, arc_welder):
-    plan = make_plan(arc_welder, 12, seed=5)
-    data = json.loads(re.search(r'id="scene">(.*?)</script>', plan_html, flags=re.S).group(1))
-
-    tips = arc_welder.kinematics.tip(plan.approach, arc_welder.theta)[0]
-
-    np.testing.assert_allclose([path[-1] for path in data["paths"]], tips, atol=0.051)
-    np.testing.assert_allclose([path[0] for path in data["paths"][1:]], tips[:-1], atol=0.051)
+    assert chosen(told) in page
+    assert findings(told) in page
 
 
 def test_the_page_of_a_plan_steps_through_its_touches_and_a_hostile_name_is_harmless(browser, plan_html, tmp_path):

@@ -4,44 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from identified import identified
 from measured import table_2
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from workpieces import latched, postures, touches_of
+from workpieces import SIGMA, SPREAD, hidden, latched, postures, touched, touches_of
 
 import identify
 from identify.model.files import InputError
-from identify.model.frames import inverse, pose, rotation, transform
+from identify.model.frames import inverse, pose, transform
 from identify.model.jig import Jig
 from identify.workpiece.localization import locate, move_of
-from identify.workpiece.placement import Placement, grid, rotation_of
 
-SIGMA = 0.05  # [mm]
 TRIALS, ROBOTS = 500, 5  # each hidden pose is touched by five robots
+
+
 THREE_TWO_ONE = ["top"] * 3 + ["front"] * 2 + ["right"]
-SPREAD = [[0.1, 0.1], [0.9, 0.15], [0.5, 0.9], [0.5, 0.1], [0.5, 0.9], [0.5, 0.5]]  # front: u up, v along x
+
+
 SIX = THREE_TWO_ONE, SPREAD
-
-
-def hidden(found, rng):
-    """base_T_workpiece of a box that stands anyhow, but within reach."""
-    T = np.eye(4)
-    T[:3, :3] = rotation(*rng.uniform(-0.3, 0.3, 3))
-    T[:3, 3] = np.array([200, 150, 100]) + rng.uniform(-60, 60, 3) - T[:3, :3] @ [200, 150, 75]
-    return inverse(transform(found.theta[:6])) @ T
-
-
-def touched(found, box, T, face, fraction, rng, theta=None, proud=None):
-    """What robots measure on workpieces; T and theta one a touch, or one for all."""
-    count = len(face)
-    T = np.broadcast_to(T, (count, 4, 4))
-    theta = np.broadcast_to(found.theta if theta is None else theta, (count, len(found.theta)))
-    point = np.stack([box.by_name[f].point(np.array(s), np.array(t)) for f, (s, t) in zip(face, fraction, strict=True)])
-    q = postures(found, box, T, face, point, rng)
-    return latched(found, box, T, face, q, theta, rng, SIGMA, proud)
 
 
 def error(location, truth):
@@ -206,33 +187,3 @@ def test_no_touches_are_refused(arc_welder, box):
         locate(
             identified(arc_welder, arc_welder.theta), box, touches_of(box, ["top"], np.zeros((1, 6)), SIGMA).take([])
         )
-
-
-@given(st.lists(st.floats(-4, 4), min_size=3, max_size=3))
-def test_rotations_of_rotation_vectors_are_those_of_scipy(v):
-    np.testing.assert_allclose(rotation_of(np.array(v)), Rotation.from_rotvec(v).as_matrix(), atol=1e-12)
-
-
-def test_the_rotations_to_start_from_leave_none_far_away():
-    R = grid()
-    some = Rotation.random(300, rng=np.random.default_rng(1)).as_matrix()
-
-    nearest = np.arccos((np.einsum("sij,gij->sg", some, R).max(axis=1) - 1) / 2)
-
-    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.broadcast_to(np.eye(3), R.shape), atol=1e-12)
-    assert np.degrees(nearest.max()) < 40
-
-
-def test_residuals_change_with_moves_as_their_jacobian_says(found, box, rng):
-    from identify.workpiece.localization import _contacts
-
-    truth = hidden(found, rng)
-    q = touched(found, box, truth, THREE_TWO_ONE, SPREAD, rng)
-    contacts = _contacts(found, touches_of(box, THREE_TWO_ONE, q, SIGMA))
-    at = Placement(truth[:3, :3], truth[:3, 3])
-
-    J = at.residual(contacts)[1]
-
-    steps = 1e-6 * np.eye(6)
-    ahead, behind = (np.array([at.moved(s * e).residual(contacts)[0] for e in steps]) for s in (1, -1))
-    np.testing.assert_allclose(J, (ahead - behind).T / 2e-6, atol=1e-4)
