@@ -8,8 +8,6 @@ from identify.model.cell import Cell
 from identify.model.urdf.chain import read_urdf
 
 MICRO = 1e-6  # [mm]
-
-
 ROBOTS = ("arc-welder", "irb120", "puma560", "arm7", "scara")
 
 
@@ -66,8 +64,6 @@ URDF = """<?xml version="1.0"?>
   <link name="l4"/>%s
 </robot>
 """
-
-
 FLANGE = """
   <joint name="f" type="fixed"><origin xyz="0.07 0 0"/><parent link="l4"/><child link="flange"/></joint>
   <link name="flange"/>

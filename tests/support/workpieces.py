@@ -70,8 +70,6 @@ def touches_of(workpiece: Jig, face, q, sigma, **changes) -> Touches:
 
 
 SIGMA = 0.05  # [mm]
-
-
 SPREAD = [[0.1, 0.1], [0.9, 0.15], [0.5, 0.9], [0.5, 0.1], [0.5, 0.9], [0.5, 0.5]]  # front: u up, v along x
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from identify.model.base_placement import starting_cell
 from identify.model.ik import reach
-from identify.model.io.description import library, read_cell, read_jig, read_robot
-from identify.model.io.template import cell_text
+from identify.model.io.description import library, read_jig, read_robot
 from identify.model.urdf.chain import read_urdf
 from identify.model.urdf.ends import ends, urdf_file
 from identify.model.zone import frames
@@ -48,20 +47,6 @@ def test_the_torch_leaves_the_flange_outward(irb120, outward):
     cell, _ = starting_cell(irb120[0].robot, irb120[0].jig, np.array(outward))
 
     assert cell.tool[:3] @ outward == pytest.approx(np.linalg.norm(cell.tool[:3]))
-
-
-def test_the_text_of_a_cell_reads_back_as_the_cell(irb120, tmp_path):
-    cell, notes = irb120
-    path = tmp_path / "cell.yaml"
-    path.write_text(cell_text(cell, "library:irb120", "library:cube", notes, "cell.schema.json"))
-
-    again = read_cell(path)
-
-    np.testing.assert_allclose(again.theta, cell.theta, atol=1e-7)
-    np.testing.assert_allclose(again.scale, cell.scale)
-    np.testing.assert_allclose(again.zone.box, cell.zone.box)
-    assert again.touch == cell.touch
-    assert "Slamani" in path.read_text()
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the published arms are not here")

@@ -4,39 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from counts import ODD
 from hypothesis import given
 from hypothesis import strategies as st
 
 from identify.model.files import InputError
-from identify.model.io.description import library, read_cell
-from identify.model.io.entries import cell_entry, cell_from_entry
 from identify.model.io.tables import plan_text, read_plan, read_touches, touches_text
 from identify.model.joint_counting import JointCounting, circle
 from identify.model.touch import Plan, Touches
 
 FANUC = JointCounting(coupled=((2, 1, 1),))
-ODD = JointCounting((1, -1, 1, 1, -1, 1), (0.0, 90.0, 0.0, -12.5, 0.0, 180.0), ((2, 1, 1), (4, 3, -1)), (100.0,) * 6)
-
-
-def cell_text(*lines):
-    text = library("cells")["arc-welder"].read_text()
-    return text + "\n".join(lines) + "\n"
-
-
-@pytest.fixture
-def counted(tmp_path):
-    """The arc-welder whose controller counts as ODD says."""
-    path = tmp_path / "cell.yaml"
-    path.write_text(
-        cell_text(
-            "joints:",
-            "  sign: {j2: -1, j5: -1}",
-            "  zero_deg: [0, 90, 0, -12.5, 0, 180]",
-            "  coupled: {j3: j2, j5: -j4}",
-            "  pulses_per_deg: [100, 100, 100, 100, 100, 100]",
-        )
-    )
-    return read_cell(path)
 
 
 def test_the_forearm_of_a_fanuc_keeps_its_lean_while_joint_2_turns_alone():
@@ -88,16 +65,6 @@ def test_pulses_that_nobody_stated_are_asked_for(arc_welder):
         arc_welder.robot.to_pulses(np.zeros(6))
 
 
-def test_a_cell_says_how_its_controller_counts(counted):
-    assert counted.robot.counting == ODD
-
-
-def test_a_calibration_remembers_how_the_controller_counts(counted):
-    again = cell_from_entry(cell_entry(counted), {})
-
-    assert again.robot.counting == ODD
-
-
 def test_plan_and_touches_hold_the_controllers_numbers(counted, tmp_path, rng):
     q = rng.uniform(-0.5, 0.5, (2, 6))
     plan = Plan(("a", "b"), ("f1",) * 2, np.zeros((2, 3)), np.tile([0.0, 0, 1], (2, 1)), q, q + 0.1, q[:, None] - 0.1)
@@ -130,27 +97,3 @@ def touches_agree(cell, faces, q, path):
         and np.allclose(again.q, q, atol=1e-10)
         and np.allclose(again.approach, q + 0.1, atol=1e-10)
     )
-
-
-@pytest.mark.parametrize(
-    ("line", "sentence"),
-    [
-        ("joints: {sign: {j9: -1}}", "joints.sign names a joint that the robot does not have: 'j9'"),
-        ("joints: {sign: [1, -1]}", "joints.sign has 2 numbers, the robot has 6 joints"),
-        ("joints: {sign: [1, 1, 2, 1, 1, 1]}", "joints.sign.2 is 2"),
-        ("joints: {coupled: {j3: j8}}", "joints.coupled: the robot has no joint 'j8'"),
-        ("joints: {coupled: {j3: j2, j2: -j3}}", "the couplings run in a circle"),
-        ("joints: {pulses_per_deg: {j1: 100}}", "no number for j2, j3, j4, j5, j6"),
-        ("joints: {zero: [0]}", "unknown key 'joints.zero'; did you mean 'zero_deg'"),
-    ],
-)
-def test_a_mistake_in_joints_is_told_with_its_line(line, sentence, tmp_path):
-    path = tmp_path / "cell.yaml"
-    path.write_text(cell_text(line))
-    where = path.read_text().splitlines().index(line) + 1
-
-    with pytest.raises(InputError) as error:
-        read_cell(path)
-
-    assert sentence in str(error.value)
-    assert f"cell.yaml:{where}: " in str(error.value)

@@ -8,7 +8,6 @@ from hypothesis.extra.numpy import arrays
 from oracle import error_propagation, forward
 from scipy.spatial.transform import Rotation
 
-from identify.model.compiled import batch as mapped
 from identify.model.frames import transform
 from identify.model.io.description import library, read_robot
 from identify.model.joint import Joint
@@ -163,30 +162,3 @@ def test_any_chain_of_joints_obeys_the_closed_form(robot, data):
     expected = forward(robot, q, theta)
     np.testing.assert_allclose(position[0], expected[:3, 3], rtol=0, atol=1e-12 * reach)
     np.testing.assert_allclose(J[0], error_propagation(robot, q, theta), rtol=0, atol=1e-12 * reach)
-
-
-def test_many_rows_give_what_each_row_gives_alone(arc_welder, rng, monkeypatch):
-    q = postures(arc_welder.robot, rng, 23)
-    theta = arc_welder.theta + rng.normal(0, 1e-3, (23, arc_welder.theta.size))
-    alone = [Kinematics(arc_welder.robot).tip_jacobian(row, t) for row, t in zip(q, theta, strict=True)]
-    monkeypatch.setattr(mapped, "CHUNK", 5)  # rows fall into five calls, the last one shorter
-
-    position, J = Kinematics(arc_welder.robot).tip_jacobian(q, theta)
-
-    np.testing.assert_array_equal(position, np.concatenate([p for p, _ in alone]))
-    np.testing.assert_array_equal(J, np.concatenate([j for _, j in alone]))
-
-
-@pytest.mark.parametrize(
-    ("q", "theta"),
-    [
-        (np.zeros(5), np.zeros(42)),
-        (np.zeros((6, 1)), np.zeros(42)),
-        (np.zeros((3, 6)), np.zeros((2, 42))),
-        (np.zeros((3, 6)), np.array(1.0)),
-        (np.zeros((1, 3, 6)), np.zeros(42)),
-    ],
-)
-def test_arrays_of_another_shape_are_refused(arc_welder, q, theta):
-    with pytest.raises(ValueError, match=r"tip: .*expected"):
-        arc_welder.kinematics.tip(q, theta)

@@ -89,24 +89,6 @@ def test_robots_are_where_casadi_puts_them_to_the_last_digit(robot, errors, rng)
         check(descent(cell.robot, rows).function, q, theta, rng.normal(size=(m, 3)), wanted, np.full((m, 1), 0.1))
 
 
-@pytest.mark.parametrize("count", [1, FEWEST, *BLOCKS, BLOCKS[0] + 1, 2 * BLOCKS[-1] + 1])
-def test_any_number_of_rows_fits(count, rng):
-    x = rng.normal(size=(count, 1))
-
-    (found,) = in_blocks(ca.Function("f", [a], [2 * a]), x)
-
-    np.testing.assert_array_equal(found, 2 * x[:, 0])
-
-
-def test_rows_asked_for_again_and_again_stay_what_they_are(rng):
-    x, double = rng.normal(size=(300, 1)), Mapped(ca.Function("f", [a], [2 * a]))
-
-    found = [double(x)[0] for _ in range(mapped.AGAIN + 2)]
-
-    assert {300, BLOCKS[0], BLOCKS[-1]} == {size for size, _ in double._blocks}
-    np.testing.assert_array_equal(found, np.tile(2 * x[:, 0], (len(found), 1)))
-
-
 def test_a_program_that_calls_another_is_left_to_casadi(rng):
     inner = ca.Function("g", [a], [ca.sin(a)], {"never_inline": True})
     function = ca.Function("f", [a], [inner(a) + 1])

@@ -9,7 +9,11 @@ from oracle import forward
 from identify.model.io.description import library, read_cell, read_jig, read_robot
 
 ROBOTS = {name: read_robot(path) for name, path in library("robots").items()}
+
+
 JIGS = {name: read_jig(path) for name, path in library("jigs").items()}
+
+
 NEAR = 1e-3  # [mm]
 
 
@@ -103,27 +107,3 @@ def test_the_faces_of_a_jig_do_not_overlap(name, rng):
         on_plane = np.abs(points @ other.normal - other.offset) < NEAR
         within = ((other.fractions(points) > 0) & (other.fractions(points) < 1)).all(axis=1)
         assert not (on_plane & within).any(), f"{one.name} and {other.name}"
-
-
-@pytest.mark.parametrize("name", JIGS)
-def test_a_point_of_a_face_has_the_fractions_it_was_made_from(name, rng):
-    for face in JIGS[name].faces:
-        st = rng.uniform(-1, 2, (20, 2))
-        lifted = face.point(*st.T) + 7 * face.normal
-
-        np.testing.assert_allclose(face.fractions(lifted), st, atol=1e-12)
-        np.testing.assert_allclose(lifted @ face.normal, face.offset + 7, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_parameters_stand_in_the_order_of_the_design_with_their_units(name):
-    robot = ROBOTS[name]
-
-    names, unit = robot.parameters, robot.parameter_unit()
-
-    pose = ["x", "y", "z", "rz", "ry", "rx"]
-    links = [f"j{i + 1}.{key}" for i in range(len(robot.joints)) for key in ("theta", "d", "a", "alpha", "beta")]
-    assert list(names) == [f"base.{key}" for key in pose] + links + [f"tool.{key}" for key in pose]
-    degrees = {"rz", "ry", "rx", "theta", "alpha", "beta"}
-    assert [value != 1 for value in unit] == [key.split(".")[1] in degrees for key in names]
-    assert [value != 1 for value in robot.joint_unit()] == [not slides for slides in robot.prismatic]

@@ -3,56 +3,21 @@
 import csv
 import io
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from sheets import POSITIONS, TOUCHES, change, mistakes
 
 from identify.model.cell import Cell
-from identify.model.files import InputError, write_text
+from identify.model.files import InputError
 from identify.model.io.description import library, read_jig, read_robot
 from identify.model.io.tables import plan_text, positions_text, read_plan, read_positions, read_touches, touches_text
 from identify.model.touch import HIT, Plan, Positions, Touches
 
-TOUCHES = """\
-id,time,status,face,nx,ny,nz,offset_mm,sigma_mm,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,temperature_c,note
-t1,2024-05-01T08:00:00,hit,top-low,,,,,,10,-20,30.5,40,50,60,21.5,first
-t2,2024-05-01T08:00:07,miss,top-low,,,,,,,,,,,,,
-t3,2024-05-01T08:00:14,hit,,0,0.6,-0.8,120.5,0.1,11,-21,31,41,51,61,,
-t4,2024-05-01T08:00:21,hit,right-low,,,,,0.03,12,-22,32,42,52,62,,"a note, with a comma"
-"""
-POSITIONS = """\
-id,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm
-p1,10,20,30,40,50,60,100,200,300
-p2,11,21,31,41,51,61,150,200,300
-p3,12,22,32,42,52,62,100,280,300
-"""
-
-
-@pytest.fixture
-def write(tmp_path):
-    def write(content, name="file.csv"):
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return path
-
-    return write
-
-
-def mistakes(path, cell, read=read_touches):
-    """Mistakes as "line: sentence"."""
-    with pytest.raises(InputError) as caught:
-        read(path, cell)
-    assert {m.file for m in caught.value.mistakes} == {str(path)}
-    return [f"{m.line}: {m.text}" for m in caught.value.mistakes]
-
-
-def change(text, old, new):
-    assert old in text
-    return text.replace(old, new)
+text = st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"]) | st.just(" "), max_size=12).map(str.strip)
 
 
 def test_touches_that_happened_are_read_with_their_planes(write, arc_welder):
@@ -142,16 +107,6 @@ def test_mistakes_of_every_kind_come_at_once_in_the_order_of_lines(write, arc_we
     assert "torn" in found[4] or "torn" in found[3]
 
 
-def test_a_long_list_of_mistakes_is_cut_and_says_so(write, arc_welder):
-    rows = "".join(f"t{i},top-low,a,b,c,d,e,f\n" for i in range(10))
-
-    with pytest.raises(InputError) as caught:
-        read_touches(write("id,face,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n" + rows), arc_welder)
-
-    assert len(caught.value.mistakes) == 60
-    assert str(caught.value).endswith("\n... and 40 more")
-
-
 @pytest.mark.parametrize("cut", [1, 2, 10, 40, 60])
 def test_a_torn_last_line_is_refused_wherever_it_tore(write, arc_welder, cut):
     found = mistakes(write(TOUCHES[:-cut]), arc_welder)
@@ -201,31 +156,6 @@ def test_planes_in_metres_are_refused_unless_trusted(write, arc_welder):
     assert len(read_touches(path, arc_welder, trust_units=True)) == 3
 
 
-@pytest.mark.parametrize("read", [read_touches, read_positions, read_plan])
-@pytest.mark.parametrize(
-    ("content", "sentence"),
-    [
-        (b"", "0: the file is empty, expected a header line and rows"),
-        (b"\n\n  \n", "0: the file is empty"),
-        (b"\xef\xbb\xbf", "0: the file is empty"),
-        (b"PK\x03\x04\xff\xfe\x00", "0: not a text file in UTF-8 (byte 4); save it as UTF-8"),
-        (b"id;q1_deg;q2_deg\nt1;1,5;2\n", "1: columns are parted by semicolons or tabs; save the file with commas"),
-        (b"id\tq1_deg\nt1\t1\n", "1: columns are parted by semicolons or tabs"),
-        (b"\x00\x00\x00\n", "1: column 'id' is missing"),
-        (b"1,2,3\n4,5,6\n", "1: column 'id' is missing"),
-    ],
-)
-def test_what_is_no_table_is_said_so(write, arc_welder, read, content, sentence):
-    assert any(line.startswith(sentence) for line in mistakes(write(content), arc_welder, read))
-
-
-@pytest.mark.parametrize("read", [read_touches, read_positions, read_plan])
-def test_a_missing_file_is_said_so(tmp_path, arc_welder, read):
-    assert mistakes(tmp_path / "none.csv", arc_welder, read) == ["0: no such file; check the name and the folder"]
-    with pytest.raises(InputError, match="cannot be read"):
-        read(tmp_path, arc_welder)
-
-
 @pytest.mark.parametrize("read", [read_touches, read_positions])
 def test_a_header_without_rows_is_an_empty_table(write, arc_welder, read):
     text = TOUCHES if read is read_touches else POSITIONS
@@ -234,48 +164,6 @@ def test_a_header_without_rows_is_an_empty_table(write, arc_welder, read):
 
     assert len(table) == 0
     assert table.q.shape == (0, 6)
-
-
-def test_a_quotation_mark_left_open_is_said_so(write, arc_welder):
-    text = change(TOUCHES, '"a note', '"' + "a note" * 30_000)
-
-    found = mistakes(write(text.replace('comma"', "comma")), arc_welder)
-
-    assert any("is a quotation mark left open?" in line for line in found)
-    assert any("left open?" in line for line in mistakes(write('"' + POSITIONS * 1000), arc_welder))
-
-
-def test_files_of_windows_and_of_spreadsheets_are_read(write, arc_welder):
-    plain = read_touches(write(TOUCHES), arc_welder)
-    spreadsheet = "".join(line + ",,\n" for line in TOUCHES.splitlines()) + ",,,,\n\n"
-    variants = [
-        b"\xef\xbb\xbf" + TOUCHES.encode(),
-        TOUCHES.replace("\n", "\r\n").encode(),
-        TOUCHES.replace(",", " , ").replace("note ,", "note,").replace(",  with", ", with").encode(),
-        spreadsheet.encode(),
-    ]
-
-    for content in variants:
-        touches = read_touches(write(content), arc_welder)
-
-        np.testing.assert_array_equal(touches.q, plain.q)
-        np.testing.assert_array_equal(touches.sigma, plain.sigma)
-        assert (touches.ids, touches.face, touches.note) == (plain.ids, plain.face, plain.note)
-
-
-def test_a_mistake_keeps_its_line_behind_line_ends_of_windows_and_blank_lines(write, arc_welder):
-    text = change(TOUCHES, "12,-22", "12,x").replace("\n", "\r\n").replace("t3,", "\r\n\r\nt3,")
-
-    assert mistakes(write(text), arc_welder)[0].startswith("7: q2_deg is 'x'")
-
-
-def test_unknown_columns_warn_and_are_ignored(write, arc_welder):
-    path = write(change(TOUCHES, "temperature_c,note", "temp,note"))
-
-    with pytest.warns(UserWarning, match="unknown column 'temp' ignored"):
-        touches = read_touches(path, arc_welder)
-
-    assert np.isnan(touches.temperature).all()
 
 
 def test_a_cell_without_a_jig_reads_planes_and_says_what_faces_need(write, arc_welder):
@@ -289,10 +177,17 @@ def test_a_cell_without_a_jig_reads_planes_and_says_what_faces_need(write, arc_w
 
 
 ROBOTS = {name: read_robot(path) for name, path in library("robots").items()}
+
+
 JIG = read_jig(library("jigs")["step-block"])
-text = st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"]) | st.just(" "), max_size=12).map(str.strip)
+
+
 names = st.lists(text.filter(bool), min_size=1, max_size=6, unique=True)
+
+
 sizes = st.floats(1e-4, 1e3)
+
+
 everywhere = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -451,20 +346,3 @@ def test_mutilated_tables_never_end_in_anything_but_a_sentence(write, arc_welder
                 continue
         assert np.isfinite(table.q).all()
         assert len(set(table.ids)) == len(table.ids)
-
-
-def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
-    path = tmp_path / "plan.csv"
-    write_text(path, "old\n")
-
-    def fails(self, target):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "replace", fails)
-    with pytest.raises(InputError, match="cannot be written: No space left on device; choose another place with -o"):
-        write_text(path, "new\n")
-
-    assert path.read_text() == "old\n"
-    assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(InputError, match="cannot be written"):
-        write_text(tmp_path / "none" / "plan.csv", "new\n")

@@ -1,9 +1,6 @@
 """Any chain of a URDF moves as its own semantics say, joint values kept; what is wrong is said with its line."""
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
-from itertools import pairwise
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
@@ -11,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import forward
 from scipy.spatial.transform import Rotation
+from urdf_stages import Stage, assert_same, chains, mistakes, model, right_angles, semantics, urdf, written
 
 from identify.model.files import InputError
 from identify.model.io.description import library, read_robot
@@ -18,95 +16,9 @@ from identify.model.kinematics import Kinematics
 from identify.model.urdf.chain import read_urdf
 
 
-@dataclass(frozen=True)
-class Stage:
-    """One joint of a URDF, as its author writes it: metres, radians."""
-
-    kind: str
-    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    def origin(self):
-        T = np.eye(4)
-        T[:3, :3] = Rotation.from_euler("xyz", self.rpy).as_matrix()  # about fixed axes: roll, then pitch, then yaw
-        T[:3, 3] = self.xyz
-        return T
-
-    def motion(self, value):
-        """The transform of a joint value [rad] or [m]."""
-        T, axis = np.eye(4), np.array(self.axis) / np.linalg.norm(self.axis)
-        if self.kind == "prismatic":
-            T[:3, 3] = axis * value
-        else:
-            T[:3, :3] = Rotation.from_rotvec(axis * value).as_matrix()
-        return T
-
-    def xml(self, name, parent, child):
-        numbers = {
-            key: quoteattr(" ".join(repr(float(v)) for v in getattr(self, key))) for key in ("xyz", "rpy", "axis")
-        }
-        limit = '<limit lower="-1.5" upper="2" velocity="1.25" effort="9"/>' if self.kind != "fixed" else ""
-        return (
-            f'<joint name="{name}" type="{self.kind}"><parent link="{parent}"/><child link="{child}"/>'
-            f"<origin xyz={numbers['xyz']} rpy={numbers['rpy']}/><axis xyz={numbers['axis']}/>{limit}</joint>\n"
-        )
-
-
-def urdf(stages):
-    """A URDF whose links are called L0, L1, ..., with a side branch and out of order."""
-    joints = [stage.xml(f"arm.{i}", f"L{i}", f"L{i + 1}") for i, stage in enumerate(stages)]
-    links = "".join(f'<link name="L{i}"/>\n' for i in range(len(stages) + 1))
-    branch = '<link name="camera"/>\n' + Stage("fixed", (9, 9, 9)).xml("mount", "L1", "camera")
-    return f'<?xml version="1.0"?>\n<robot name="any">\n{"".join(reversed(joints))}{branch}{links}</robot>\n'
-
-
-def semantics(stages, q):
-    """Forward kinematics straight from the specification of URDF, lengths turned to mm at the end."""
-    T, values = np.eye(4), iter(q)
-    for stage in stages:
-        T = T @ stage.origin()
-        if stage.kind != "fixed":
-            T = T @ stage.motion(next(values))
-    T[:3, 3] *= 1000
-    return T
-
-
-right_angles = st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi])
-small = st.sampled_from([1e-12, 1e-7, -1e-4, 1.5708, np.radians(4.999), np.radians(5.001), -np.radians(175.001)])
-turns = st.tuples(*[right_angles | right_angles | small | st.floats(-3.2, 3.2)] * 3)
-shifts = st.tuples(*[st.sampled_from([0.0, 0.0, 0.35, -0.06, 1e-9]) | st.floats(-2, 2)] * 3)
-along = st.sampled_from([tuple(row) for row in np.vstack([np.eye(3), -np.eye(3)]).tolist()])
-slanted = st.tuples(*[st.floats(-5, 5)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3)
-fixed = st.builds(Stage, st.just("fixed"), shifts, turns)
-moving = st.builds(Stage, st.sampled_from(["revolute", "continuous", "prismatic"]), shifts, turns, along | slanted)
-chains = st.lists(moving | moving | fixed, min_size=1, max_size=9).filter(lambda c: any(s.kind != "fixed" for s in c))
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("urdf")
-
-
-def written(folder, text, name="robot.urdf"):
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def model(folder, stages):
-    return read_urdf(written(folder, urdf(stages)), "L0", f"L{len(stages)}")
-
-
 def inside(robot, q):
     """Joint values of a URDF [rad] or [m] in the units of the model [rad] or [mm]."""
     return np.where(robot.prismatic, 1000.0, 1.0) * q
-
-
-def assert_same(T, expected, stages):
-    reach = 1000 * (1 + sum(np.linalg.norm(s.xyz) + 4 for s in stages))  # [mm]
-    np.testing.assert_allclose(T[:3, 3], expected[:3, 3], rtol=0, atol=1e-12 * reach)  # 1e-9 mm for a metre
-    np.testing.assert_allclose(T[:3, :3], expected[:3, :3], rtol=0, atol=1e-11)
 
 
 @settings(max_examples=150)
@@ -133,18 +45,6 @@ def test_the_compiled_kinematics_of_a_urdf_moves_as_its_urdf_says(folder, stages
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R[0], position[0]
     assert_same(T, semantics(stages, q), stages)
-
-
-@settings(max_examples=100)
-@given(stages=chains)
-def test_links_follow_the_common_normal_unless_axes_are_nearly_parallel(folder, stages):
-    robot = model(folder, stages)
-
-    for joint in robot.joints:
-        across = np.cos(joint.alpha) * np.cos(joint.beta)  # cosine between this axis and the next
-        parallel = abs(across) >= np.cos(np.radians(5)) - 1e-12
-        assert parallel or (joint.beta == 0 and np.cos(joint.theta) >= -1e-8)  # x turns by a right angle at most
-        assert max(abs(joint.a), abs(joint.d)) <= 15 * 1000 * (1 + sum(np.linalg.norm(s.xyz) for s in stages))
 
 
 @pytest.mark.parametrize("name", ["arc-welder", "puma560", "arm7"])
@@ -206,6 +106,8 @@ def test_what_a_urdf_leaves_out_takes_its_default(folder):
 
 
 JOINT = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/>{}</joint>'
+
+
 LIMIT = '<limit lower="-1" upper="1" velocity="1"/>'
 
 
@@ -213,13 +115,9 @@ def body(*joints):
     return "\n".join(["<robot>", *(JOINT.format(*joint) for joint in joints), "</robot>"])
 
 
-def mistakes(folder, text, base="a", flange="c"):
-    with pytest.raises(InputError) as caught:
-        read_urdf(written(folder, text), base, flange)
-    return [(m.line, m.text) for m in caught.value.mistakes]
-
-
 GOOD = ("j1", "revolute", "a", "b", LIMIT)
+
+
 BAD = {
     "planar": (("j2", "planar", "b", "c", LIMIT), "joint 'j2' is planar, expected fixed, revolute"),
     "floating": (("j2", "floating", "b", "c", ""), "joint 'j2' is floating, expected"),
@@ -346,33 +244,6 @@ def test_a_loop_is_no_chain(folder):
     assert "closes a loop" in mistakes(folder, text, "a", "b")[0][1]
 
 
-@pytest.mark.parametrize(
-    ("text", "line", "sentence"),
-    [
-        ("<robot>\n<link name='a'>\n</robot>", 3, "not well-formed XML: mismatched tag"),
-        ("", 1, "not well-formed XML: no element found"),
-        ("<robot>\n<link name='a'/>\n", 3, "not well-formed XML: no element found"),
-        ("joints: []\n", 1, "not well-formed XML"),
-        ("<sdf>\n<model/></sdf>", 1, "the outermost element is <sdf>, expected <robot>"),
-        ("<robot/>", 0, "no link 'a' for the base; the file has no links"),
-    ],
-)
-def test_what_is_no_urdf_is_said_so(folder, text, line, sentence):
-    found = mistakes(folder, text)
-
-    assert found[0][0] == line
-    assert sentence in found[0][1]
-
-
-def test_a_file_that_cannot_be_read_is_said_so(folder, tmp_path):
-    (tmp_path / "binary.urdf").write_bytes(b"\xff\xfe\x00\x01")
-
-    with pytest.raises(InputError, match="no such file"):
-        read_urdf(tmp_path / "missing.urdf", "a", "b")
-    with pytest.raises(InputError, match="not a text file"):
-        read_urdf(tmp_path / "binary.urdf", "a", "b")
-
-
 def test_mutilated_urdfs_never_end_in_anything_but_a_sentence(folder, rng):
     text = urdf([Stage("revolute", (0, 0, 0.3)), Stage("fixed"), Stage("prismatic", (0.2, 0, 0))])
     words = ["", "0", "nan", "-", '"', "<", ">", "/>", "L1", "é", "1e999"]
@@ -385,18 +256,3 @@ def test_mutilated_urdfs_never_end_in_anything_but_a_sentence(folder, rng):
         except InputError:
             continue
         assert np.isfinite(robot.links).all()
-
-
-def test_pairs_of_axes_in_every_relation_are_expressed_exactly(folder):
-    tilts = [0, 1e-10, 1e-6, np.radians(4.9999), np.radians(5.0001), 0.3, np.pi / 2, np.pi - 1e-8, np.pi]
-    offsets = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.4), (0.3, 0.0, 0.0), (0.0, -0.3, 0.1), (1e-13, 0.0, 0.0), (0.2, 0.2, -1.0)]
-    pairs = [Stage("revolute", xyz, (tilt, 0.0, 0.7)) for tilt in tilts for xyz in offsets]
-
-    for first, second in pairwise(pairs):
-        stages = [first, second, Stage("fixed", (0.1, 0.2, 0.3), (1, 1, 1))]
-        robot = model(folder, stages)
-        q = np.array([0.4, -1.1])
-
-        T = forward(robot, q, robot.theta(np.zeros(6), np.zeros(6)))
-
-        assert_same(T, semantics(stages, q), stages)
