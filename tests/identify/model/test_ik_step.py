@@ -23,7 +23,7 @@ def test_a_damped_system_is_solved_as_by_numpy(n, seed, damping):
 
 @pytest.fixture
 def posed(arc_welder, rng):
-    q = rng.uniform(-0.3, 0.3, (4, 6)) + [0.0, 0.2, -0.1, 0.0, 0.9, 0.0]  # away from singularities
+    q = rng.uniform(-0.3, 0.3, (4, 6)) + np.array([0.0, 0.2, -0.1, 0.0, 0.9, 0.0])  # away from singularities
     return q, *arc_welder.kinematics.tip(q, arc_welder.theta)
 
 

@@ -52,11 +52,7 @@ ROBOT_MISTAKES = {
     "limits turned around": ("[-160, 160]", "[160, -160]", "3: joint 1: limits run from 160 to -160"),
     "limits in radians": ("[-160, 160]", "[-2.8, 2.8]", "3: joint 1: limits within 7 degrees: radians?"),
     "angle in radians": ("alpha_deg: -90", "alpha_deg: -1.5708", "3: alpha_deg is -1.5708: radians?"),
-    "wrong unit": (
-        "limits_mm: [0, 200]",
-        "limits_mm: [0, 200], limits_deg: [0, 90]",
-        "5: joint 3 is prismatic: write",
-    ),
+    "wrong unit": ("limits_mm: [0, 200]", "limits_mm: [0, 200], limits_deg: [0, 90]", "5: joint 3 is prismatic: write"),
     "half a limit": ("[-160, 160]", "[-160]", "3: key 'joints.0.limits_deg.1' is missing"),
     "unknown type": ("type: prismatic", "type: linear", "5: joints.2.type is 'linear': "),
     "name taken": ("{type: prismatic", "{name: j1, type: prismatic", "5: joint name 'j1' is taken"),
