@@ -4,22 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scored import drawn, value
 
 from oed.criteria.criteria import CRITERIA, criterion_named, score
 
 SEEDS = st.integers(0, 2**32 - 1)
 GROWING = ("D", "A", "E", "V", "G")  # what one touch more never hurts, all touches together
-
-
-def drawn(seed, touches=12, parameters=5, poses=4):
-    """Rows of touches and tip Jacobians of a zone, of uneven size."""
-    rng = np.random.default_rng(seed)
-    scale = 10 ** rng.uniform(-1, 1, parameters)
-    return rng.normal(size=(touches, parameters)) * scale, rng.normal(size=(poses, 3, parameters)) * scale, rng
-
-
-def value(name, rows, zone, touches=None):
-    return float(score(name, rows.T @ rows, len(rows) if touches is None else touches, zone))
 
 
 def better(name, new, old):
@@ -131,13 +121,6 @@ def test_touches_that_do_not_determine_everything_are_worth_nothing(name):
     assert worst == pytest.approx(0, abs=1e-6) if CRITERIA[name].larger_is_better else worst > 1e12
 
 
-def test_a_moment_matrix_of_the_zone_gives_the_same_mean_variance():
-    rows, zone, _ = drawn(4)
-    moment = np.einsum("kai,kaj->ij", zone, zone) / len(zone)
-
-    assert value("V", rows, moment) == pytest.approx(value("V", rows, zone))
-
-
 def test_every_row_says_what_it_means_and_where_it_comes_from():
     for criterion in CRITERIA.values():
         assert len(criterion.meaning) > 15
@@ -147,18 +130,3 @@ def test_every_row_says_what_it_means_and_where_it_comes_from():
 def test_an_unknown_criterion_gets_the_list():
     with pytest.raises(ValueError, match=r"criterion 'X' is unknown; choose one of O1, O2, .*, G"):
         criterion_named("X")
-
-
-def test_a_zone_criterion_without_a_zone_says_what_it_needs():
-    with pytest.raises(ValueError, match=r"criterion 'V' scores the weld zone; give `zone`"):
-        score("V", np.eye(3))
-
-
-def test_the_worst_pose_cannot_be_told_from_a_moment_matrix():
-    with pytest.raises(ValueError, match="'G' needs every pose"):
-        score("G", np.eye(3), zone=np.eye(3))
-
-
-def test_a_zone_of_another_size_is_refused():
-    with pytest.raises(ValueError, match=r"zone: shape \(4, 3, 5\), expected finite numbers of shape \(poses, 3, 3\)"):
-        score("V", np.eye(3), zone=np.zeros((4, 3, 5)))

@@ -1,31 +1,19 @@
 """The laws behind the bounds, for every criterion of the table; and a criterion of one's own, written here."""
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from own_criterion import Compromise
+from informations import ALL, OWN, drawn
 
 from oed import approximate_design, exact_design
-from oed.criteria.criteria import CRITERIA
 from oed.design.exact import exchanged, swaps_of
 from oed.design.robust import RobustSwaps
 
 SEEDS = st.integers(0, 2**32 - 1)
-OWN = Compromise("own", 1.0, "rotation", "of these tests", (CRITERIA["D"], CRITERIA["A"]))
-ALL = {**CRITERIA, "own": OWN}
 CERTIFIED = [name for name, criterion in ALL.items() if criterion.certified]
-
-
-def drawn(name, seed, rows=7, parameters=4):
-    """A criterion of a random zone, and two random informations of uneven size."""
-    rng = np.random.default_rng(seed)
-    criterion = ALL[name].on(rng.normal(size=(5, 3, parameters)), parameters)
-    X, Y = rng.normal(size=(2, rows, parameters)) * 10 ** rng.uniform(-1, 1, (2, 1, parameters))
-    return criterion, X, X.T @ X, Y.T @ Y, rng
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -83,16 +71,6 @@ def test_slopes_and_curvatures_are_those_of_finite_differences(name):
     assert -criterion.curvature(M, X) == pytest.approx(np.array(bend), rel=2e-3, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["O3", "E", "G"])
-def test_what_is_sharpened_comes_near_to_the_criterion(name):
-    criterion, _, M, other, _ = drawn(name, 9)
-
-    *_, sharpest = criterion.sharpened()
-
-    for information in (M, other):
-        assert sharpest.smooth(information) == pytest.approx(criterion.log(information), abs=0.01)
-
-
 @pytest.mark.parametrize("name", ALL)
 @given(seed=SEEDS)
 def test_in_another_basis_it_is_the_same_criterion(name, seed):
@@ -138,28 +116,6 @@ def test_an_own_criterion_gets_relaxation_exchange_and_robust_choice():
     robust = RobustSwaps([swaps_of(own, X, known) for X in several])
     together = exchanged(robust, 5, design.indices)
     assert robust.log(together) >= robust.log(np.array(best)) - 1e-9
-
-
-def test_a_row_with_other_words_is_all_that_another_power_mean_takes():
-    rows = np.random.default_rng(4).normal(size=(200, 4))
-    mean = replace(CRITERIA["O5"], name="power 2", degree=1.0, exponent=2.0, function=inverse_square_mean)
-
-    design = exact_design(rows, 12, mean, iterations=20)
-
-    assert 0.85 < design.efficiency <= 1
-    assert design.value == pytest.approx(
-        np.linalg.norm(np.linalg.inv(rows[design.indices].T @ rows[design.indices])) ** -1
-    )
-
-
-def inverse_square_mean(sigma):
-    """One over the norm of the covariance."""
-    return (sigma**-4).sum(axis=-1) ** -0.5
-
-
-def test_a_function_that_is_no_mean_of_the_order_given_is_refused():
-    with pytest.raises(ValueError, match=r"power 2: its function is no power mean of the eigenvalues of order 0.5"):
-        replace(CRITERIA["O5"], name="power 2", degree=1.0, function=inverse_square_mean)
 
 
 def test_no_design_is_better_than_a_bound_that_is_not_its_own():

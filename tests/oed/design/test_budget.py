@@ -4,18 +4,11 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from several_rows import OWNER, P
 
 from oed.design.budget import budget_design
-from oed.design.relaxation import approximate_design
 
-P = 5
-OWNER = np.repeat(np.arange(12), [1, 3, 1, 1, 3, 1, 1, 3, 1, 1, 3, 1])
 COST = np.where(np.bincount(OWNER) == 3, 2.5, 1.0)
-
-
-@pytest.fixture
-def rows(rng):
-    return rng.standard_normal((len(OWNER), P))
 
 
 @pytest.fixture
@@ -51,22 +44,6 @@ def test_no_set_that_fits_the_budget_is_better_and_none_beats_the_bound(rows, zo
     assert mine == pytest.approx(best, rel=0.02)
     share = best / mine if criterion != "D" else mine / best  # 1 or a little less
     assert design.efficiency <= share + 1e-6
-
-
-def test_a_weight_on_a_measurement_counts_for_all_its_rows(rows):
-    design = approximate_design(rows, "D", 1e-5, owner=OWNER)
-
-    each = rows * np.sqrt(design.weights)[OWNER][:, None]
-    assert design.weights.sum() == pytest.approx(1)
-    np.testing.assert_allclose(each.T @ each, design.information, rtol=1e-6, atol=1e-9)
-    gain = np.bincount(OWNER, np.einsum("ij,jk,ik->i", rows, np.linalg.inv(design.information), rows))
-    assert gain.max() == pytest.approx(P, rel=1e-3)  # Kiefer and Wolfowitz: no measurement gains more than p
-
-
-def test_measurements_of_one_row_are_weighed_as_before(rows):
-    plain, owned = (approximate_design(rows, "D", owner=owner) for owner in (None, np.arange(len(rows))))
-
-    np.testing.assert_array_equal(plain.weights, owned.weights)
 
 
 def test_a_budget_for_everything_takes_everything(rows, zone):

@@ -6,23 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import linprog, minimize
+from weighted import CERTIFIED, KINKED, SMOOTH, small
 
 from oed.criteria.criteria import CRITERIA, score
 from oed.design.relaxation import approximate_design
-from oed.design.weight_limits import admissible
 
 SEEDS = st.integers(0, 2**32 - 1)
-CERTIFIED = [name for name, criterion in CRITERIA.items() if criterion.certified]
-KINKED = ("O3", "E", "G")
-SMOOTH = [name for name in CERTIFIED if name not in KINKED]
 GRID = np.linspace(-1, 1, 41)
 QUADRATIC = np.stack([np.ones_like(GRID), GRID, GRID**2], axis=1)
-
-
-def small(seed, candidates=9, parameters=3, poses=3):
-    rng = np.random.default_rng(seed)
-    return rng.normal(size=(candidates, parameters)), rng.normal(size=(poses, 3, parameters)), rng
 
 
 def best_of_all(rows, n, name, zone, prior, sets):
@@ -30,10 +21,6 @@ def best_of_all(rows, n, name, zone, prior, sets):
     M = np.array([rows[list(chosen)].T @ rows[list(chosen)] + prior for chosen in sets])
     value = score(name, M, 1, zone) ** (1 / CRITERIA[name].degree)
     return float(np.nanmax(value))
-
-
-def phi(name, M, zone=None):
-    return CRITERIA[name].on(zone, len(M)).phi(M)
 
 
 def blind(seed, candidates, unseen):
@@ -79,39 +66,11 @@ def test_what_the_zone_does_not_need_may_stay_open(name, wanted, variance, weigh
     assert design.weights.sum() == pytest.approx(1)
 
 
-@pytest.mark.parametrize("name", ["V", "G"])
-@given(seed=SEEDS)
-def test_touches_that_see_only_what_the_zone_sees_need_not_see_more(name, seed):
-    rows, zone, rng = small(seed, candidates=40, parameters=3)
-    T = rng.normal(size=(5, 3)) * 10.0 ** np.arange(-2, 3)[:, None]  # five parameters that come in three sums
-
-    design = approximate_design(rows @ T.T, name, 1e-4, zone=zone @ T.T)
-
-    known = approximate_design(rows, name, 1e-4, zone=zone)
-    assert design.level == pytest.approx(known.level, rel=3e-3 if name == "G" else 2e-4)
-    M = (rows.T * design.weights) @ rows
-    assert phi(name, M, zone) == pytest.approx(phi(name, known.information, zone), rel=3e-3)
-    assert np.abs(T @ M @ T.T - design.information).max() <= 1e-9 * np.abs(design.information).max()
-
-
 def test_a_zone_that_sees_what_no_touch_does_is_told_so():
     rows = np.pad(QUADRATIC, ((0, 0), (0, 1)))
 
     with pytest.raises(ValueError, match=r"determine 3 of 4 parameters \(parameter 3 is in no row\)"):
         approximate_design(rows, "V", zone=np.ones((1, 3, 4)))
-
-
-@pytest.mark.parametrize("cap", [None, 1 / 200])
-def test_near_copies_of_candidates_cost_no_more_rounds(cap):
-    rng = np.random.default_rng(9)
-    few = rng.normal(size=(400, 12))
-    copies = np.repeat(few, 50, axis=0) * (1 + 1e-3 * rng.normal(size=(20_000, 12)))
-
-    design = approximate_design(copies, touches=200, cap=cap)
-
-    assert design.gap <= 1e-6
-    assert design.rounds <= 20  # 60 are not enough where copies come in together
-    assert design.value == pytest.approx(approximate_design(few).value, rel=0.02)  # no cap keeps from the best
 
 
 # known optima of quadratic regression on [-1, 1] (Pukelsheim 1993; Atkinson, Donev and Tobias 2007)
@@ -182,18 +141,6 @@ def test_no_set_within_quotas_beats_the_certificate_of_the_quotas(seed):
     assert design.level < approximate_design(rows, touches=4).level * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("name", SMOOTH)
-def test_the_bound_is_met_to_the_gap(name):
-    rows, zone, _ = small(3, candidates=3000, parameters=8, poses=40)
-
-    design = approximate_design(rows, name, zone=zone, gap=1e-7)
-
-    assert 0 <= design.gap <= 1e-7
-    assert design.weights.sum() == pytest.approx(1)
-    assert design.closeness.max() <= 1 + 1e-6
-    assert design.closeness[design.weights > 1e-3].min() > 1 - 1e-3  # who carries weight is as good as the best
-
-
 @pytest.mark.parametrize("name", KINKED)
 def test_a_criterion_with_a_kink_comes_within_a_percent_of_its_bound(name):
     rows, zone, _ = small(3, candidates=3000, parameters=8, poses=40)
@@ -201,32 +148,6 @@ def test_a_criterion_with_a_kink_comes_within_a_percent_of_its_bound(name):
     design = approximate_design(rows, name, zone=zone)
 
     assert 0 <= design.gap <= 0.01
-
-
-@pytest.mark.parametrize("name", ["D", "A", "V"])
-def test_caps_and_quotas_give_what_a_general_solver_gives(name):
-    rows, zone, _ = small(5, candidates=30, parameters=4, poses=6)
-    face = np.arange(30) % 3
-
-    design = approximate_design(rows, name, zone=zone, cap=0.1, face=face, quotas={0: (0.5, 1), 1: (0, 0.2)})
-
-    limits = [
-        {"type": "eq", "fun": lambda w: w.sum() - 1},
-        {"type": "ineq", "fun": lambda w: w[face == 0].sum() - 0.5},
-        {"type": "ineq", "fun": lambda w: 0.2 - w[face == 1].sum()},
-    ]
-    found = minimize(
-        lambda w: -np.log(phi(name, (rows.T * w) @ rows, zone)),
-        np.full(30, 1 / 30),
-        bounds=[(0, 0.1)] * 30,
-        constraints=limits,
-        options={"ftol": 1e-12, "maxiter": 500},
-    )
-    assert found.success
-    assert np.log(phi(name, design.information, zone)) == pytest.approx(-found.fun, abs=1e-5)
-    assert design.weights.max() <= 0.1 * (1 + 1e-5)
-    assert design.weights[face == 0].sum() >= 0.5 - 1e-5
-    assert design.weights[face == 1].sum() <= 0.2 + 1e-5
 
 
 def test_rows_in_other_units_have_the_same_optimal_weights():
@@ -247,30 +168,6 @@ def test_a_criterion_without_a_concave_form_has_weights_and_no_bound():
     assert np.isnan(design.bound)
     assert np.isnan(design.gap)
     assert design.weights.sum() == pytest.approx(1)
-
-
-@given(seed=SEEDS)
-def test_the_best_admissible_weights_are_those_of_a_linear_program(seed):
-    rng = np.random.default_rng(seed)
-    gain, cap, face = rng.normal(size=14), rng.uniform(0.1, 0.6, 14), rng.integers(0, 3, 14)
-    face[:3] = [0, 1, 2]
-    quotas = {0: (0.1, 0.4), 2: (0.0, 0.5)}
-    if not feasible(cap, face, quotas):
-        return
-
-    total, _ = admissible(14, cap, face, quotas).best(gain)
-
-    groups = np.array([face == 0, face == 0, face == 2])
-    A, b = np.vstack([[-1], [1], [1]]) * groups, [-0.1, 0.4, 0.5]
-    found = linprog(-gain, A_ub=A, b_ub=b, A_eq=np.ones((1, 14)), b_eq=[1], bounds=[(0, c) for c in cap])
-    assert found.success
-    assert total == pytest.approx(-found.fun, abs=2e-5)  # limits are widened by 1e-6
-    assert total >= -found.fun - 1e-12
-
-
-def feasible(cap, face, quotas):
-    room = [min(cap[face == f].sum(), quotas.get(f, (0, 1))[1]) for f in range(3)]
-    return sum(room) >= 1 and cap[face == 0].sum() >= 0.1
 
 
 def test_the_racing_problem_has_its_known_bound(shared_data):
