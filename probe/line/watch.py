@@ -35,7 +35,8 @@ class Watch:
         self._square = float(self._line @ self._line)
         self._clock, self._began = clock, clock.robot()
         self._from_contact, self._off = from_contact, off
-        self._farthest, self._progressed = 0.0, clock.now()  # [deg] along the segment, and when it was heard
+        self._farthest = 0.0  # [deg] along the segment
+        self._progress, self._progressed = 0.0, clock.now()  # [deg] at the last progress, and when it was heard
         self._closed_at: float | None = None  # [deg] along the segment, where the input was first seen closed
 
     def objection(self, q: Float[np.ndarray, " joints"], closed: bool) -> str:
@@ -53,8 +54,8 @@ class Watch:
         possible = FASTER * self._rate * (self._clock.robot() - self._began + LATE) + OFF
         if along > possible:
             return f"{along:.2f} deg along its path, expected at most {possible:.2f} deg at {self._rate:.2f} deg/s"
-        if along > self._farthest + OFF / 10 or self._span - along < OFF:
-            self._progressed = now
+        if along > self._progress + OFF / 10 or self._span - along < OFF:
+            self._progress, self._progressed = along, now
         self._farthest = max(self._farthest, along)
         if now - self._progressed > STALLED:
             return f"no progress for {now - self._progressed:.1f} s, {along:.2f} of {self._span:.2f} deg along its path"

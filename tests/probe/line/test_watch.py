@@ -56,6 +56,15 @@ def test_a_robot_that_stands_still_on_its_way_is_told_on() -> None:
     assert "no progress for 3.1 s" in seen.objection(0.4 * END, False)
 
 
+def test_a_slow_robot_that_is_asked_often_makes_progress() -> None:
+    clock = Ticks()
+    seen = Watch(START, END, 0.04, clock)
+
+    for step in range(150):
+        assert seen.objection(0.04 * 0.04 * step * END / 10, False) == ""
+        clock.sleep(0.04)
+
+
 def test_a_robot_whose_time_jumps_may_be_as_far_as_its_own_time_allows_and_stands_still_only_in_the_drivers() -> None:
     clock, skipped = Ticks(), 0.0
     clock.robot = lambda: clock.now() + skipped
