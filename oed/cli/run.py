@@ -101,10 +101,10 @@ def run(
 ) -> int:
     """Make the touches of a plan, and append them to touches.csv.
 
-    The whole plan is checked before the first motion. A touch far from where the touches before it foretell is made
-    again at once; three in a row without a hit end the run. Ctrl-C stops the robot, then asks whether to retract;
-    --resume goes on where a run stopped, whatever stopped it, and completes touches.csv from the journal beside it.
-    With port sim the embedded virtual robot makes the touches. Examples:
+    The whole plan is checked before the first motion. A touch far from where those before it foretell is made again;
+    three in a row without a hit end the run. A touch to which no clear way leads is skipped. Ctrl-C stops the robot,
+    then asks whether to retract; --resume goes on where a run stopped, whatever stopped it, and completes touches.csv
+    from the journal beside it. With port sim the embedded virtual robot makes the touches. Examples:
 
         touchcal run plan.csv --port /dev/ttyUSB0 --protocol line --dry-run --override 0.2
 
@@ -232,8 +232,10 @@ def _tell(
     minutes = finished.seconds / 60
     if json:
         facts = {"hits": finished.hits, "touches": finished.total, "minutes": minutes}
-        print_json(facts | ({"delay": asdict(delay)} if delay else {}))
+        print_json(facts | {"skipped": dict(finished.skipped)} | ({"delay": asdict(delay)} if delay else {}))
         return
+    for reason in dict.fromkeys(finished.skipped.values()):
+        print(f"skipped {', '.join(name for name, why in finished.skipped.items() if why == reason)}: {reason}")
     if delay:
         slow = settings.search_speed or 0.0
         print(

@@ -69,7 +69,7 @@ class TouchError(Exception):
 
 
 class InTheWay(TouchError):
-    """Every way to the next touch leads through the jig, by what the touches so far tell of the robot."""
+    """No clear way leads to a touch, by what the touches so far tell of the robot."""
 
 
 class NotReady(TouchError):

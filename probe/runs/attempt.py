@@ -65,8 +65,8 @@ class Motion(Retreat):
     def attempt(self, target: Target, name: str, near: Joints | None = None) -> Success | Failure:
         """Approach, search, retract and verify, once; the robot stands at a safe place afterwards.
 
-        The search begins `near` the contact, where that is given. Raises LinkLost, Rebooted, and TouchError where it
-        cannot get there or the input stays closed.
+        The search begins `near` the contact, where that is given. Raises InTheWay, with nothing moved, where no clear
+        way leads there; LinkLost, Rebooted, and TouchError where it does not get there or the input stays closed.
         """
         back = target.approach
         if hit := self.room.hits([target.face], target.approach[None], target.contact[None])[0]:
@@ -121,14 +121,11 @@ class Motion(Retreat):
         return Failure("skipped", why_not) if why_not else Success(Reading(contact.q, velocity))
 
     def _approach(self, target: Target, name: str) -> None:
-        if self._apart(self.here, target.approach):
+        if self.apart(self.here, target.approach):
             route = self.room.route(self.here, target.approach, list(target.via))
             if not route:
                 hit = self.room.obstruction(self.here, target.approach, list(target.via))
-                raise InTheWay(
-                    f"no clear way to touch '{name}' was found from where the robot stands: {hit}; "
-                    "jog it above the jig, then go on with --resume --trust-position"
-                )
+                raise InTheWay(f"no clear way was found: {hit}")
             for q in route:
                 self._move(q, name, "move", self.here, self.settings.move_speed)
         self._await_open()

@@ -1,7 +1,7 @@
 """What happens while touches are made, for a screen or a log to show."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,7 @@ class Finished:
     hits: int
     total: int
     seconds: float
+    skipped: Mapping[str, str] = field(default_factory=dict)  # the reason by touch: refused, or without a clear way
 
 
 Event = Started | Touching | Retried | Touched | Drifted | Waiting | Recovered | Finished

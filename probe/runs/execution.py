@@ -6,7 +6,7 @@ import numpy as np
 
 from identify.model.touch import HIT, Plan
 from probe.line.clock import Clock
-from probe.line.controller import Controller, TouchError
+from probe.line.controller import Controller, InTheWay, TouchError
 from probe.motion.joint_path import Joints, Target
 from probe.motion.settings import Settings
 from probe.runs.attempt import Failure, Motion, Success
@@ -32,9 +32,11 @@ def run(
 ) -> Finished:
     """Make the touches of a plan that the session does not have yet.
 
+    Touches to which no clear way leads come last; where none leads there then either, they are skipped.
     Raises InputError before the first motion where something speaks against the plan; TouchError where the touches
-    cannot go on. After either, and after KeyboardInterrupt, the same call with the same session goes on where it
-    stopped. KeyboardInterrupt stops the robot; `retreat` then brings it back to its last approach.
+    cannot go on, InTheWay where the robot cannot get away from where it stands. After each of them, and after
+    KeyboardInterrupt, the same call with the same session goes on where it stopped. KeyboardInterrupt stops the robot;
+    `retreat` then brings it back to its last approach.
     """
     execution = Execution(plan, controller, session, settings, tell, clock or Clock())
     try:
@@ -73,17 +75,42 @@ class Execution:
         self._touch_all()
         while self._take_back():
             self._touch_all()
-        hits = sum(self.session.results[name].status == HIT for name in self._by_id)
-        finished = Finished(hits, len(self.targets), self.clock.robot() - self._start)
+        results = [self.session.results[name] for name in self._by_id]
+        skipped = {result.id: result.note for result in results if result.status == "skipped"}
+        hits = sum(result.status == HIT for result in results)
+        finished = Finished(hits, len(self.targets), self.clock.robot() - self._start, skipped)
         self.tell(finished)
         return finished
 
     def _touch_all(self) -> None:
-        """Every touch that has no result yet."""
-        for target in self.targets:
-            if target.id not in self.session.results:
-                self._count(self._touch(target, target.id))
-                self._look_for_drift()
+        """Every touch without a result; those without a clear way come last, and are skipped if there is none then."""
+        blocked, left = dict[str, str](), [t for t in self.targets if t.id not in self.session.results]
+        while len(blocked) < len(left):
+            left = [target for target in left if target.id not in self.session.results]
+            blocked = {target.id: reason for target in left if (reason := self._make(target))}
+        if blocked and self._is_enclosed():
+            name, reason = next(iter(blocked.items()))
+            raise InTheWay(
+                f"touch '{name}': {reason}; no clear way leads from where the robot stands to any of the "
+                f"{len(blocked)} touches left; jog it above the jig, then go on with --resume --trust-position"
+            )
+        for name, reason in blocked.items():
+            self._record(name, "skipped", self._standing(), None, 0, reason)
+
+    def _make(self, target: Target) -> str:
+        """Make a touch, or say why no clear way leads to it: nothing has moved then."""
+        try:
+            self._count(self._touch(target, target.id))
+            self._look_for_drift()
+        except InTheWay as error:
+            return str(error)
+        return ""
+
+    def _is_enclosed(self) -> bool:
+        """Whether no way leads from where the robot stands to any other place where it has touched."""
+        hits = self.session.hits()
+        elsewhere = [hit for hit in hits if self.motion.apart(self.motion.here, self._of(hit.id).approach)]
+        return not hits or (len(elsewhere) > 0 and self._known(elsewhere) is None)
 
     def _take_back(self) -> bool:
         """Take back the touches that all others speak against, each once; whether there were any.
@@ -172,8 +199,12 @@ class Execution:
             failure = result
             self.session.rejected(failure.reason)
             self.tell(Retried(name, attempt, failure.reason))
-        last = suspects[-1] if failure.status == "outlier" else Success(Reading(self.motion.here, 0 * self.motion.here))
+        last = suspects[-1] if failure.status == "outlier" else self._standing()
         return self._record(name, failure.status, last, None, attempt, failure.reason)
+
+    def _standing(self) -> Success:
+        """Where the robot stands, for a touch that measured nothing."""
+        return Success(Reading(self.motion.here, 0 * self.motion.here))
 
     def _record(
         self, name: str, status: str, reading: Success, surprise: Surprise | None, attempts: int, note: str

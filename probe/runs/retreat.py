@@ -38,7 +38,7 @@ class Retreat:
             intent, began = self.session.intent, self._state().q
             if intent is None or self._stands(began, intent):
                 break
-            if intent.kind == "retract" and self._apart(began, intent.start):
+            if intent.kind == "retract" and self.apart(began, intent.start):
                 came_from = intent.start
             try:
                 self._move(intent.back, intent.id, "retract", intent.back, self.settings.retract_speed)
@@ -48,7 +48,7 @@ class Retreat:
                     raise TouchError(f"{refusal}; put that right, then go on with --resume") from None
                 if refusal.code == "EARLY":
                     self.here = self._state().q
-                    came_from = began if self._apart(self.here, began) else came_from
+                    came_from = began if self.apart(self.here, began) else came_from
                     self._lean(came_from, intent)
         else:
             raise TouchError("the robot did not get back to its last approach; move it there by hand, then --resume")
@@ -68,13 +68,14 @@ class Retreat:
         except Refused as refusal:
             self.tell(Waiting(str(refusal)))
 
-    def _apart(self, a: Joints, b: Joints) -> bool:
+    def apart(self, a: Joints, b: Joints) -> bool:
+        """Whether two postures are further from each other than a robot that has arrived stands off its target."""
         return self.geometry.span(a, b) > self.settings.arrived
 
     def _stands(self, q: Joints, intent: Intent) -> bool:
         """Whether the robot needs no way back; raises TouchError where it is not on the way at all."""
         self.here = q
-        if not self._apart(q, intent.back):
+        if not self.apart(q, intent.back):
             return True
         at, off = self.geometry.fraction(q, intent.start, intent.end)
         slack = self.settings.arrived / max(self.geometry.span(intent.start, intent.end), self.settings.arrived)
@@ -110,7 +111,7 @@ class Retreat:
 
     def _further(self, came: Intent) -> None:
         """On along the way back, beyond the approach that it led to, where arm and torch hit nothing there."""
-        origin = came.end if self._apart(came.end, came.back) else came.start
+        origin = came.end if self.apart(came.end, came.back) else came.start
         far = self.geometry.length(origin, came.back) + self.settings.further
         q = self.geometry.beyond(origin, came.back, far)
         if self.room.met(np.linspace(self.here, q, 5)):
@@ -125,7 +126,7 @@ class Retreat:
         rate = self.geometry.move_rate(self.here, q, speed)
         self._intend(kind, name, self.here, q, back, rate)
         self.here = self.controller.move(q, rate)
-        if self._apart(self.here, q):
+        if self.apart(self.here, q):
             raise Refused("NOTREACHED", f"off by {np.degrees(self.geometry.span(self.here, q)):.3f} deg")
 
     def _intend(self, kind: str, name: str, start: Joints, end: Joints, back: Joints, rate: float) -> Intent:

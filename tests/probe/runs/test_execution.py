@@ -1,7 +1,7 @@
 """The run of a plan against a robot without a line: what is checked, made, repeated, refused, and picked up again."""
 
 import errno
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +13,9 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.tables import read_touches
 from identify.model.touch import Plan, Touches
-from probe.line.controller import Contact, LinkLost, NoContact, Rebooted, Refused, State, TouchError
+from probe.line.controller import Contact, InTheWay, LinkLost, NoContact, Rebooted, Refused, State, TouchError
 from probe.motion.joint_path import Geometry
+from probe.motion.room import Room
 from probe.motion.settings import Settings
 from probe.runs import events
 from probe.runs.acceptance import objection, unconfirmed
@@ -29,6 +30,7 @@ from probe.runs.session import Session, journal_path
 
 pytestmark = pytest.mark.usefixtures("unsynced")
 USUAL = Settings(search_speed=10.0)
+Block = Callable[[Callable[[np.ndarray], bool]], None]
 
 
 @pytest.fixture(scope="module")
@@ -204,6 +206,55 @@ def hidden(geometry: Geometry, ends: np.ndarray) -> bool:
     tip = geometry.tip(ends[0] + np.linspace(0, 1, 500)[:, None] * (ends[1] - ends[0]))
     assert geometry.cell.jig is not None
     return any(((tip > box.lower) & (tip < box.upper)).all(axis=1).any() for box in geometry.cell.jig.boxes)
+
+
+@pytest.fixture
+def block(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[np.ndarray], bool]], None]:
+    """Take the ways to some postures out of the room."""
+    route = Room.route
+
+    def block(blocked: Callable[[np.ndarray], bool]) -> None:
+        def routed(room: Room, start: np.ndarray, goal: np.ndarray, via: Sequence[np.ndarray] = ()) -> list[np.ndarray]:
+            return [] if blocked(goal) else route(room, start, goal, via)
+
+        monkeypatch.setattr(Room, "route", routed)
+
+    return block
+
+
+def test_a_touch_without_a_clear_way_is_skipped_and_the_others_are_made(bench: Bench, block: Block) -> None:
+    nowhere = bench.plan.approach[2]
+    block(lambda goal: np.allclose(goal, nowhere))
+    bench.world.q = bench.plan.approach[0].copy()
+
+    finished = bench.run()
+
+    assert finished.hits == 7
+    assert list(finished.skipped) == ["t003"]
+    assert finished.skipped["t003"].startswith("no clear way was found: ")
+    assert list(bench.status().items())[-1] == ("t003", "skipped")
+    assert not any(np.allclose(end, nowhere) for _, end in bench.world.motions)
+    assert bench.run().skipped == finished.skipped  # a later run reads it in the journal
+
+
+def test_a_touch_to_which_others_open_a_way_is_made_after_them(bench: Bench, block: Block) -> None:
+    block(lambda goal: np.allclose(goal, bench.plan.approach[2]) and "t006" not in bench.status())
+
+    assert bench.run().hits == 8
+    assert list(bench.status())[-1] == "t003"
+
+
+@pytest.mark.parametrize("made", [0, 4])
+def test_a_robot_that_cannot_get_away_from_where_it_stands_is_not_moved(bench: Bench, block: Block, made: int) -> None:
+    block(lambda goal: len(bench.status()) == made)
+    bench.world.q = bench.plan.approach[0] + 0.01
+
+    with pytest.raises(InTheWay, match=rf"from where the robot stands to any of the {8 - made} touches left; jog"):
+        bench.run()
+
+    assert len(bench.status()) == made
+    assert len(bench.world.truth) == made
+    np.testing.assert_allclose(bench.world.q, bench.plan.approach[made - 1] if made else bench.world.motions[0][0])
 
 
 def far(geometry: Geometry, start: np.ndarray, end: np.ndarray) -> bool:
