@@ -40,6 +40,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # lines are folded for a person, on a screen; workers are given the width of whoever runs the tests
 os.environ.pop("COLUMNS", None)
+os.unsetenv("COLUMNS")  # readline, which pytest loads, sets it behind os.environ
 
 SHARED = Path(__file__).parents[2] / "shared" / "data"
 

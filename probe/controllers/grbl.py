@@ -45,7 +45,7 @@ ASKING = 5.0  # [s] for which a target that GRBL understands wrongly is told aga
 OFF = 0.01  # [deg] or [mm] off the commanded path: GRBL reports where it steps, and nothing trembles
 NO_OFFSETS = {"error:20", "error:37"}  # no G43.1, or for one axis only
 DISTURBED = "GRBL understands another target than it was told; is the line disturbed?"
-ASTRAY = 0.01  # [deg] further until it stands: half a millimetre in all, a metre from the axis
+ASTRAY = 0.017  # [deg] further until it stands: with OFF half a millimetre in all, a metre from the axis
 DIGIT = 0.8  # [axis units] that one changed digit of a motion leads astray
 REACTION = 0.03  # [s] from a report to where the robot holds
 OFTEN = 0.02  # [s] between two reports, at least
@@ -83,9 +83,10 @@ class Grbl:
         if axes != self.joints:
             raise Refused("ROBOT", f"it has {axes} axes, the robot of the cell {self.joints} joints")
         link.drop_held()
+        locked = not self._home and link.report().state == "Alarm"
         if self._home:
             link.unlock("$H", HOMING)
-        elif link.report().state == "Alarm":
+        elif locked:
             if not self._unlock:
                 raise Refused("UNHOMED", "GRBL is locked by an alarm: home it, or unlock it where that is safe")
             link.unlock("$X", link.patience)
@@ -96,7 +97,7 @@ class Grbl:
                 raise Refused("SYNTAX", f"{name} offsets its axes by {values}; set it to zero at the controller")
         if "$13=1" in lines:
             raise Refused("SYNTAX", "it reports inches ($13=1); set $13=0 at the controller")
-        link.adopt()
+        link.adopt(anew=locked)
         self._checks = self._tells_offsets()
 
     @property

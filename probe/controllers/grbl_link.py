@@ -25,8 +25,8 @@ STILL = ("Idle", "Alarm", "Hold")
 class GrblLink:
     """A line to GRBL.
 
-    The boot is kept in a word of its parser that nothing else uses and every reset forgets: the tool number, or, where
-    a tool is taken over by M6 only, the speed of a spindle that is off.
+    The boot is kept in a word of its parser that nothing else uses and every restart forgets: the tool number, or,
+    where a tool is taken over by M6 only, the speed of a spindle that is off.
     """
 
     def __init__(self, transport: Transport, clock: Clock, joints: int) -> None:
@@ -49,15 +49,16 @@ class GrblLink:
         """
         tag, poll = f"t{secrets.token_hex(3)}", poll or self.poll
         wait = "G4P.01\n" if watch else ""  # G1 is answered when it is queued: wait until the queue is empty
-        self._send(f"{line}\n{wait}(MSG,{tag})\n".encode())
-        lines, still, against, echoed = list[str](), 0.0, 0, False
+        # after an error grblHAL takes no G-code, a message neither, until an empty line
+        self._send(f"{line}\n{wait}\n(MSG,{tag})\n".encode())
+        lines, still, against, echoed, waited = list[str](), 0.0, 0, False, False
         began = question = heard = self.clock.now()
         until = began + max(seconds, self.silence) + self.silence
         while True:
             for text in filter(SAID.fullmatch, self._listen(poll)):  # anything else is noise
                 heard = self.clock.now()
                 if text == f"[MSG:{tag}]":
-                    echoed = True
+                    echoed, waited = True, lines.count("ok") > 2  # all three lines: also that which waits for the end
                     if watch is None:
                         return lines
                     self._send(b"?")  # the wait may have been lost: see that the robot stands
@@ -66,7 +67,7 @@ class GrblLink:
                 else:
                     late = report.state == "Idle" and heard < began + min(seconds, BEGUN)  # said before it began
                     rests = report.state in STILL
-                    if echoed and rests and (lines.count("ok") > 1 or not late):
+                    if echoed and rests and (waited or not late):
                         return lines
                     still = 0.0 if late or not rests else still or heard
                     astray = watch(report) if watch and report.state == "Run" else ""
@@ -184,10 +185,10 @@ class GrblLink:
                     return
         raise Refused("UNHOMED", f"{command} was not answered within {seconds:.0f} s")
 
-    def adopt(self) -> None:
-        """Learn the boot, or draw one and leave it with GRBL."""
+    def adopt(self, *, anew: bool) -> None:
+        """Learn the boot, or draw one and leave it with GRBL; `anew` after an alarm, which grblHAL's tool outlives."""
         for word in IDENTITY:
-            value = self._held(word)
+            value = 0 if anew else self._held(word)
             self.boot = f"{word}{value or 1 + secrets.randbelow(HIGHEST)}"
             self._kept = True
             if not value:

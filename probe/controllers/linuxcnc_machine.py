@@ -27,6 +27,7 @@ class Machine:
         self.shell = shell
         self.joints = joints
         self._clock = clock
+        self._rested: Float[np.ndarray, " joints"] | None = None  # where it was last seen at rest, nothing told since
 
     def commanded(self) -> Float[np.ndarray, " joints"]:
         """Where LinuxCNC wants the axes to be: free of the encoders' trembling."""
@@ -54,10 +55,15 @@ class Machine:
         return [i for i, word in enumerate(words, 1) if word != "YES"]
 
     def moving(self) -> bool:
-        """Whether anything moves: looks twice, a moment apart."""
-        before = self.commanded()
-        self._clock.sleep(SETTLED)
-        return self.running() or not np.array_equal(self.commanded(), before)
+        """Whether anything moves: looks twice, a moment apart, and once where it rested before and was told nothing."""
+        before, at = self._rested, self.commanded()
+        if before is None or not np.array_equal(before, at):
+            before = at
+            self._clock.sleep(SETTLED)
+            at = self.commanded()
+        moving = self.running() or not np.array_equal(before, at)
+        self._rested = None if moving else at
+        return moving
 
     def settle(self, watch: Watch | None = None) -> None:
         """Wait until nothing moves; raises Refused where a motion does not go on, or strays, once it is stopped."""
@@ -75,6 +81,7 @@ class Machine:
 
     def home(self) -> None:
         """Home every joint; raises Refused where that does not end."""
+        self._rested = None
         self.shell.set("mode manual")
         if not self.shell.set("home -1"):  # other versions home joint by joint only
             for joint in self.unhomed():
@@ -87,6 +94,7 @@ class Machine:
 
     def mdi(self, line: str) -> None:
         """Have a line of G-code begun; raises Refused where it is not taken."""
+        self._rested = None
         if not self.shell.set(f"mdi {line}"):
             raise self.refusal([*self.shell.messages(), "or another program has taken control of linuxcncrsh"], "BUSY")
 

@@ -5,7 +5,7 @@ What it does as the real one does, so that a host learns to live with it:
 * A line is answered `ok` or `error:N`; G0 and G1 are answered when they are queued, G38 and G4 when they are done.
 * G38.2 and G38.3 that begin in contact: `ALARM:4`, then `ok`. G38.2 without contact: `ALARM:5`, `[PRB:...:0]` with the
   position of the previous probe, then `ok`. G38.3 without contact: `[PRB:...:0]` with the end of the move, no alarm.
-* In alarm every G-code is `error:9` until `$X`, `$H` or, after a limit (`ALARM:2`), a reset.
+* In alarm every G-code and every message is `error:9` until `$X`, `$H` or, after a limit (`ALARM:2`), a reset.
 * The probe input is not watched during G0 and G1: a robot driven into the jig goes on. There is no deadman either.
 * Positions have three decimals; F counts the length of the move over all axes; axis units are chosen by the user.
 * `(MSG,tag)` comes back as `[MSG:tag]`. Real-time bytes `?`, `!`, `~` and Ctrl-X act at once, whatever is in the line.
@@ -14,7 +14,9 @@ What it does as the real one does, so that a host learns to live with it:
 * A reset while moving stops the robot, empties the queue and ends in `ALARM:3`.
 
 Quirks to order, as real grblHAL has them: `tool-change` (T is taken over by M6 only), `late-idle` (the first reports
-of a motion still say Idle), `same-place` (G38 to where the robot stands is `error:33`), `no-offset` (no G43.1).
+of a motion still say Idle), `same-place` (G38 to where the robot stands is `error:33`), `no-offset` (no G43.1),
+`error-lock` (after an error every G-code is answered by the same error, until an empty line, a `$` command or a reset),
+`soft-reset` (Ctrl-X forgets neither tool nor tool offset).
 
 Writing a `$` setting is obeyed by a real controller and ruins it; here it is counted in `settings_written`.
 """
@@ -93,9 +95,11 @@ class GrblController(GrblState):
         """Ctrl-X: a motion is cut off, and the position with it as far as GRBL knows."""
         moving, alarm = self.robot.moving, self.alarm
         self.robot.halt("STOPPED", "reset")
-        probed = self.probed, self.success
+        probed, kept = (self.probed, self.success), (self.tool, self.offset)
         self._start()
         self.probed, self.success = probed
+        if "soft-reset" in self.quirks:
+            self.tool, self.offset = kept
         if moving or alarm:
             self.alarm = 3 if moving else 1
         locked = [b"[MSG:'$H'|'$X' to unlock]\r\n"] if self.alarm else []
@@ -120,11 +124,16 @@ class GrblController(GrblState):
         code = re.sub(r"\([^)]*\)|;.*|\s", "", text).upper()
         if self.alarm == 2:
             return []  # a limit: nothing is heard but the reset
-        if code.startswith("$"):
-            return messages + self._dollar(code)
-        if not code:
-            return [*messages, OKAY]
-        return messages + ([error(9)] if self.alarm else self._block(code))
+        if not text or code.startswith("$"):
+            self._lock = b""
+            return self._dollar(code) if text else [OKAY]
+        if self.alarm or self._lock:
+            return [error(9) if self.alarm else self._lock]
+        answers = self._block(code) if code else [OKAY]
+        if failed := next((answer for answer in answers if answer.startswith(b"error")), b""):
+            self._lock = failed if "error-lock" in self.quirks else b""
+            return answers
+        return messages + answers
 
     def _block(self, code: str) -> list[bytes]:
         block = read_block(code, AXES[: len(self.unit)])

@@ -62,6 +62,7 @@ class GrblState:
         self.offset, self._idle_until = np.zeros(len(self.unit)), 0.0
         self._queue: deque[Queued] = deque()
         self._running: Queued | None = None
+        self._lock = b""  # the error that the next lines are answered with
         self._held = self._waiting = False  # feed hold; a line that is answered only when the queue is empty
         self._until = NEVER  # [s], the end of a dwell
         self._line, self._lines = bytearray(), deque[bytes]()

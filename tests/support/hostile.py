@@ -113,7 +113,7 @@ class Trial:
             case "line":
                 return LineDevice(self.world, self.clock)
             case "grbl":
-                return GrblDevice(self.world, self.clock, self.bench.truth, self.schedule.unit)
+                return GrblDevice(self.world, self.clock, self.bench.truth, self.schedule.unit, self.schedule.quirks)
             case _:
                 return LinuxCNCDevice(self.world, self.clock)
 

@@ -68,13 +68,15 @@ class GrblDevice:
 
     url = "test://grbl"
 
-    def __init__(self, world: TrueWorld, clock: Ticks, truth: Truth, axis_unit_deg: float) -> None:
+    def __init__(
+        self, world: TrueWorld, clock: Ticks, truth: Truth, axis_unit_deg: float, quirks: frozenset[str] = frozenset()
+    ) -> None:
         self.world, self.clock, self.outbox, self.plugged, self.gone_until = world, clock, b"", True, -1.0
         self.robot = VirtualRobot(world.cell, truth, np.random.default_rng(0), start=world.q)
         self.robot.health.bounce = world.chatter
         surroundings = self.robot.arm.surroundings
         surroundings.boxes, surroundings.shapes = [], ()  # arm and torch are judged elsewhere; here it is the tip
-        self.grbl = GrblController(self.robot, axis_unit_deg=axis_unit_deg)
+        self.grbl = GrblController(self.robot, axis_unit_deg=axis_unit_deg, quirks=quirks)
         self._noted = 0
         self.robot.time = clock.t
 

@@ -18,6 +18,7 @@ TO = {"line": (*SPOILS,), "grbl": ("flip", "drop byte", "drop", "half"), "linuxc
 FROM = {"line": SPOILS[:-1], "grbl": SPOILS[:5], "linuxcnc": ()}
 EVENTS = ("unplug", "reboot", "stuck", "flicker", "flood", "hang", "kill", "interrupt")
 CALLS = {"line": 500, "grbl": 1500, "linuxcnc": 4000}  # of the transport, among which the events fall
+GRBLHAL = frozenset({"late-idle", "same-place", "error-lock", "soft-reset"})  # what it does otherwise than GRBL 1.1
 FOREVER = 1e9  # [s]
 LINES = re.compile(rb"[^\n]*\n|[^\n]+")
 
@@ -38,6 +39,11 @@ class Schedule:
     unit: float = 0.1  # [deg] an axis unit of GRBL
     events: dict[int, str] = field(default_factory=dict)  # by the number of the transport's call
     happened: list[str] = field(default_factory=list)
+
+    @property
+    def quirks(self) -> frozenset[str]:
+        """Of the GRBL: every second one is a grblHAL, and of these every second one takes tools over by M6 only."""
+        return frozenset() if self.seed % 2 else GRBLHAL | ({"tool-change"} if self.seed % 4 else set())
 
     @classmethod
     def of(cls, seed: int, backend: str) -> "Schedule":

@@ -27,6 +27,10 @@ REPLAYED = {
     "a motion that GRBL held, its reset lost on the line, kept every later run out": ("grbl", 141),
     "a GRBL that started anew just before a motion had forgotten its target": ("grbl", 445),
     "a motion slowed down for the watch, and asked about often, was taken for a robot that stands": ("grbl", 4411),
+    "a motion was over for the driver whose wait was spoiled, where the first reports of a motion say Idle": (
+        "grbl",
+        2,
+    ),
     "a move that ended early where it began left no motion that was accepted": ("line", 995),
     "so did the first look at a robot whose input stuck": ("line", 1176),
 }

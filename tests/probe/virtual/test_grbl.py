@@ -65,6 +65,37 @@ def test_a_tool_is_told_until_a_reset_forgets_it(desk):
     assert desk.say("T256\n") == ["error:38"]
 
 
+def test_a_grblhal_forgets_tool_and_offset_at_a_restart_only(desk):
+    desk.grbl.quirks = frozenset({"soft-reset"})
+    desk.say("T7\nG43.1X1\n")
+    desk.say("\x18")
+    reset = "".join(desk.say("$G\n") + desk.say("$#\n"))
+    desk.grbl.restart()
+    started = "".join(desk.say("$G\n") + desk.say("$#\n"))
+
+    assert " T7 " in reset
+    assert "[TLO:1.000," in reset
+    assert " T0 " in started
+    assert "[TLO:0.000," in started
+
+
+@pytest.mark.parametrize("freed", ["\n", "$G\n", "\x18"])
+def test_after_an_error_a_grblhal_takes_no_line_until_it_is_freed(desk, freed):
+    desk.grbl.quirks = frozenset({"error-lock"})
+
+    assert desk.say("G7\n") == ["error:20"]
+    assert desk.say("T7\n") == ["error:20"]
+    assert desk.say("(MSG,here)\n") == ["error:20"]
+    desk.say(freed)
+    assert desk.say("T7(MSG,here)\n") == ["[MSG:here]", "ok"]
+
+
+def test_a_message_beside_an_error_and_in_alarm_is_not_echoed(desk):
+    assert desk.say("G7(MSG,here)\n") == ["error:20"]
+    desk.grbl.alarm = 4
+    assert desk.say("(MSG,here)\n") == ["error:9"]
+
+
 def test_build_information_tells_six_axes(desk):
     answer = desk.say("$I\n")
 
