@@ -6,58 +6,13 @@ import numpy as np
 import pytest
 from cells import PLACES, cell_of
 from drawings import balls
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from identify.model.cell import DEG
 from identify.model.io.description import library, read_robot
 from identify.model.jig import Box, Face, Jig
-from identify.model.joint import Capsule
 from oed.candidates.candidates import candidates
 from probe.motion.clearance import CLEAR, Clearance
-from probe.motion.distances import point_box, segment_box, segment_segment
 from probe.motion.obstacles import obstacles, owners
-from probe.motion.torch import NOZZLE, STICKOUT, torch
-
-LOWER, UPPER = np.array([-2.0, -1, -3]), np.array([1.0, 3, -1])
-coordinate = st.sampled_from([-3.0, -2.0, 0.0, 1.0, 3.0]) | st.floats(-6, 6)
-points = arrays(float, (3, 8), elements=coordinate)
-ALONG = np.linspace(0, 1, 401)[:, None, None]
-
-
-def away(p: np.ndarray) -> np.ndarray:
-    """Distances of points (..., 3, rows) from the box."""
-    gap = np.maximum(np.maximum(LOWER[:, None] - p, p - UPPER[:, None]), 0)
-    return np.linalg.norm(gap, axis=-2)
-
-
-@given(points)
-def test_a_point_is_as_far_from_a_box_as_its_coordinates_lie_beyond(p):
-    np.testing.assert_allclose(point_box(p, LOWER, UPPER), away(p), atol=1e-12)
-
-
-@given(points, points)
-def test_a_segment_is_as_far_from_a_box_as_its_nearest_point(a, b):
-    sampled = away(a + ALONG * (b - a)).min(axis=0)
-    spacing = np.linalg.norm(b - a, axis=0) / 400
-
-    d = segment_box(a, b, LOWER, UPPER)
-
-    assert (d <= sampled + 1e-9).all()
-    assert (d >= sampled - spacing).all()
-
-
-@given(points, points, points, points)
-def test_segments_are_as_far_apart_as_their_nearest_points(a, b, c, e):
-    first, second = a + ALONG[::10] * (b - a), c + ALONG[::10] * (e - c)
-    sampled = np.linalg.norm(first[:, None] - second[None], axis=2).min(axis=(0, 1))
-    spacing = (np.linalg.norm(b - a, axis=0) + np.linalg.norm(e - c, axis=0)) / 40
-
-    d = segment_segment(a, b, c, e)
-
-    assert (d <= sampled + 1e-6).all()
-    assert (d >= sampled - spacing).all()
 
 
 @pytest.mark.parametrize("robot", PLACES)
@@ -99,59 +54,6 @@ def test_hits_name_what_is_too_near(rng):
     np.testing.assert_array_equal(hit == len(clearance.solids), inside < 7)
     table = [s.upper[2] == 0 for s in clearance.solids].index(True)
     assert {0, 1, table} <= set(hit.tolist())
-
-
-def test_no_robot_of_the_library_is_in_its_own_way_when_it_stands_straight():
-    for name in library("robots"):
-        cell = cell_of(name)
-        middle = np.clip(np.zeros(len(cell.robot.joints)), cell.robot.lower, cell.robot.upper)
-
-        _, inside = Clearance(cell, cell.theta).gaps(middle[None])
-
-        assert inside[0] > 10, name
-
-
-def test_capsules_that_overlap_in_most_postures_are_neighbours():
-    cell = cell_of("irb120")
-    swallowed = Capsule(4, (0.0, 0.0, 0.0), (0.0, 0.0, 10.0), 2000.0)
-    robot = replace(cell.robot, capsules=(*cell.robot.capsules, swallowed))
-
-    clearance = Clearance(replace(cell, robot=robot), cell.theta)
-
-    i = clearance.capsules.index(swallowed)
-    assert clearance.pairs
-    assert all(i not in pair for pair in clearance.pairs)
-
-
-@pytest.mark.parametrize("ry", [0.0, -18.0, -90.0])
-def test_a_torch_leaves_the_end_of_the_wire_bare_and_ends_at_the_flange(ry):
-    cell = replace(cell_of("arc-welder"), tool=np.array([20.0, 0, 400, 0, ry * DEG, 0]))
-
-    nozzle, body = torch(cell)
-
-    tip, wire = np.array([20.0, 0, 400]), np.array([np.sin(ry * DEG), 0, np.cos(ry * DEG)])
-    assert np.cross(np.array(nozzle.start) - tip, wire) == pytest.approx(0, abs=1e-9)
-    assert (tip - nozzle.start) @ wire - NOZZLE * (1 - np.sin(50 * DEG)) / np.cos(50 * DEG) == pytest.approx(
-        STICKOUT, abs=0.1
-    )
-    assert nozzle.end == body.end
-    assert np.linalg.norm(body.start) == pytest.approx(30)
-    assert {nozzle.link, body.link} == {6}
-
-
-def test_capsules_on_the_last_link_stand_for_the_torch():
-    cell = cell_of("arc-welder")
-    own = Capsule(6, (0.0, 0.0, 0.0), (0.0, 0.0, 300.0), 15.0)
-    robot = replace(cell.robot, capsules=(*cell.robot.capsules, own))
-
-    assert torch(replace(cell, robot=robot)) == (own,)
-    assert Clearance(replace(cell, robot=robot), cell.theta).capsules[-1] == own
-
-
-def test_a_short_pointer_has_no_torch():
-    cell = replace(cell_of("arc-welder"), tool=np.array([0.0, 0, 30, 0, 0, 0]))
-
-    assert torch(cell) == ()
 
 
 def test_a_face_belongs_to_the_box_whose_surface_it_lies_on():

@@ -4,30 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from gaps import gap
 
-from oed.candidates.candidates import candidates
-from oed.candidates.feasibility import WIRE
 from oed.planning.candidate_set import plan_of
 from probe.motion.clearance import Clearance
-from probe.motion.edges import SHARE, Edges
+from probe.motion.edges import Edges
 from probe.motion.roadmap import Roadmap, lifts, shortest_ways, with_via
-from probe.motion.torch import STICKOUT
 from probe.motion.tour import RAMP, travel
-
-
-@pytest.fixture(scope="module")
-def touches(arc_welder):
-    found = candidates(arc_welder, np.random.default_rng(2), 400)
-    return found.take(np.random.default_rng(3).choice(len(found), 16, replace=False))
-
-
-def gap(cell, q, length=0.0):
-    """Distance of the tip, or of some length of wire from it on [mm], from the nearest box of the jig [mm]."""
-    tip, R = cell.kinematics.tip(q, cell.theta)
-    p = tip[:, None] - np.linspace(0, length, 41)[:, None] * R[:, None, :, 2]
-    boxes = [(np.array(b.lower), np.array(b.upper)) for b in cell.jig.boxes]
-    away = [np.linalg.norm(np.maximum(np.maximum(lo - p, p - hi), 0), axis=2) for lo, hi in boxes]
-    return np.min(away, axis=(0, 2))
 
 
 def test_the_shortest_ways_are_those_of_dijkstra(rng):
@@ -46,24 +29,6 @@ def test_the_shortest_ways_are_those_of_dijkstra(rng):
         while way[-1] != b:
             way.append(then[way[-1], b])
         assert sum(T[i, j] for i, j in pairwise(way)) == pytest.approx(found[a, b])
-
-
-@pytest.mark.parametrize("keep", [0.0, 15.0, 60.0])
-def test_ways_keep_as_clear_of_the_jig_as_asked_or_nearly_what_their_ends_have(arc_welder, touches, keep):
-    edges = Edges(Clearance(arc_welder, arc_welder.theta), keep=keep)
-    a, b = np.triu_indices(len(touches), 1)
-    start, end = touches.approach[a], touches.approach[b]
-
-    clear = edges.clear(start, end)
-
-    assert 0 < clear.sum() < len(clear)
-    ends = np.minimum(gap(arc_welder, start, STICKOUT), gap(arc_welder, end, STICKOUT))
-    wanted = np.maximum(np.minimum(SHARE * ends, keep), WIRE)
-    for share in np.linspace(0.0, 1.0, 21):
-        at = gap(arc_welder, start + share * (end - start))
-        assert (at[clear] > wanted[clear] - 1.0).all()  # [mm]; the tip goes on a curve between two looks
-    wider = Edges(Clearance(arc_welder, arc_welder.theta), keep=keep + 30.0).clear(start, end)
-    assert not (wider & ~clear).any()
 
 
 def test_lifted_postures_stand_above_their_approaches_with_the_wire_as_it_was(arc_welder, touches):

@@ -4,59 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from virtual_support import make_plan
+from virtual_robots import robot_at, tip
 
-from identify.estimation.selection import with_errors
-from identify.model.base_placement import parked
-from identify.model.cell import Cell
-from identify.model.ik import reach
-from identify.model.touch import Plan
 from probe.virtual.batch import search_end, touch_batch
-from probe.virtual.contact import Paths, first_contact, touching
-from probe.virtual.motion import straight
 from probe.virtual.robot import VirtualRobot
-from probe.virtual.surfaces import surfaces
 from probe.virtual.truth import Truth, with_effects
 
 FAST, SLOW = np.radians(60), np.radians(0.6)
-
-
-@pytest.fixture(scope="module")
-def plan(arc_welder: Cell) -> Plan:
-    return make_plan(arc_welder, 24)
-
-
-@pytest.fixture
-def exact(arc_welder: Cell) -> Truth:
-    """The nominal robot, touching without scatter."""
-    return with_effects(Truth(arc_welder.theta), sigma=0.0)
-
-
-def robot_at(cell: Cell, truth: Truth, plan: Plan, touch: int = 0) -> VirtualRobot:
-    return VirtualRobot(cell, truth, np.random.default_rng(5), start=plan.approach[touch])
-
-
-def tip(cell: Cell, q: np.ndarray, theta: np.ndarray | None = None) -> np.ndarray:
-    return cell.kinematics.tip(q[None], cell.theta if theta is None else theta)[0][0]
-
-
-def test_the_first_contact_is_the_one_that_a_march_in_small_steps_finds(arc_welder, plan, rng):
-    surface, count, steps = surfaces(arc_welder.jig, arc_welder.wire), len(plan), 3000
-    start = plan.approach + rng.normal(0, 0.02, plan.q.shape)
-    end = start + 2.4 * (plan.q - plan.approach) + rng.normal(0, 0.08, plan.q.shape)
-    paths, none = Paths(start, end, arc_welder.theta), np.zeros(count)
-
-    fraction, met, early = first_contact(arc_welder.kinematics, surface, paths, none, 12)
-
-    compared = 0
-    for i in np.flatnonzero(~early):
-        march = Paths(*(np.repeat(a[i : i + 1], steps, axis=0) for a in (start, end)), arc_welder.theta)
-        closed = touching(arc_welder.kinematics, surface, march, np.linspace(0, 1, steps), np.zeros(steps))
-        expected = np.argmax(closed) / (steps - 1) if closed.any() else np.inf
-        assert (met[i] >= 0) == closed.any()
-        assert fraction[i] == pytest.approx(expected, abs=1.5 / steps)
-        compared += closed.any()
-    assert compared > 5
 
 
 def test_a_search_latches_on_the_face_within_one_servo_step_of_motion(arc_welder, exact, plan):
@@ -153,57 +107,6 @@ def test_a_stop_brakes_on_the_line_and_a_contact_while_braking_is_still_latched(
     assert np.abs(step - along * line).max() < 1e-12
 
 
-@pytest.mark.parametrize("rate", [0.5, 5.0, 50.0, 500.0])
-def test_a_motion_takes_its_way_at_its_rate_and_never_goes_back(arc_welder, plan, rate):
-    robot = arc_welder.robot
-    start, end = plan.approach[0], plan.approach[1]
-
-    profile = straight(robot, start, end, np.radians(rate), 2.0)
-
-    times = np.linspace(2.0, profile.end, 2000)
-    fraction = np.array([profile.at(t)[0] for t in times])
-    speed = np.abs(np.outer(np.gradient(fraction, times), end - start))
-    assert fraction[0] == 0
-    assert fraction[-1] == pytest.approx(1)
-    assert (np.diff(fraction) >= 0).all()
-    assert (speed <= robot.speed * (1 + 1e-6)).all()
-    assert speed.max() <= np.radians(rate) * (1 + 1e-6)
-    assert profile.end - 2.0 >= np.abs(end - start).max() / np.radians(rate)
-    assert [profile.time(f) for f in fraction[1:-1:100]] == pytest.approx(times[1:-1:100])
-
-
-@pytest.mark.ghost
-def test_the_contact_reads_what_the_jig_says_wherever_a_robot_is_driven_that_does_not_look(arc_welder, exact, rng):
-    corner, surface = np.array([350.0, 250.0, 80.0]), surfaces(arc_welder.jig, arc_welder.wire)
-    kinematics, none = arc_welder.kinematics, np.zeros(1)
-    seen = set()
-    for _ in range(12):
-        ends = corner + rng.uniform(-8, 8, (2, 3)) + np.array([[30.0, -30, 0], [-30, 30, 0]])
-        start, end = posed(arc_welder, ends)
-        robot = VirtualRobot(arc_welder, exact, rng, start=start)
-        robot.begin("MOVE", end, SLOW, watch=False)
-
-        for time in np.linspace(0, robot.due, 40)[:-1]:
-            robot.advance(time)
-            here = Paths(robot.q[None], robot.q[None], arc_welder.theta)
-            expected = bool(touching(kinematics, surface, here, none, none)[0])
-            assert robot.contact == expected
-            seen.add(expected)
-        robot.advance(1e9)
-        assert not robot.contact
-
-    assert seen == {True, False}
-
-
-def posed(cell: Cell, tips: np.ndarray) -> np.ndarray:
-    """Joint values for tips beside the jig, the torch straight down."""
-    down = np.tile(np.diag([1.0, -1.0, -1.0]), (len(tips), 1, 1))
-    start = np.tile(parked(cell), (len(tips), 1))
-    found = reach(cell.kinematics, cell.theta, tips, down, start, free_roll=True)
-    assert found.reached().all()
-    return found.q
-
-
 def test_nobody_having_moved_it_the_robot_stands_in_the_air_above_the_jig(arc_welder, exact, rng):
     robot = VirtualRobot(arc_welder, exact, rng)
 
@@ -212,34 +115,6 @@ def test_nobody_having_moved_it_the_robot_stands_in_the_air_above_the_jig(arc_we
     assert (above[:2] > 50).all()
     assert (above[:2] < [350, 250]).all()
     assert not robot.contact
-
-
-def test_backlash_leaves_the_arm_behind_the_encoders_by_half_the_play_on_each_side(arc_welder, exact, plan):
-    play = np.radians(0.02)
-    robot = robot_at(arc_welder, with_effects(exact, backlash=(0.0, play)), plan)
-    there, back = plan.approach[0] + 0.01, plan.approach[0]
-
-    robot.move(there, SLOW)
-    ahead = robot.arm.geared - robot.q
-    robot.move(back, SLOW)
-
-    assert ahead == pytest.approx(np.full(6, -play / 2))
-    assert robot.arm.geared - robot.q == pytest.approx(np.full(6, play / 2))
-
-
-def test_joint_noise_scatters_contacts_and_is_told_to_the_judge(arc_welder, exact, plan):
-    noise, end = np.radians(0.01), search_end(arc_welder, plan)[0]
-    robot = robot_at(arc_welder, with_effects(exact, joint_noise=(0.0, noise)), plan)
-
-    for _ in range(60):
-        robot.search(end, SLOW)
-        robot.move(plan.approach[0], FAST)
-
-    off = np.array([t.arm - t.q for t in robot.touches])
-    assert len(off) == 60
-    assert np.std(off) == pytest.approx(noise, rel=0.15)
-    faces = np.array([tip(arc_welder, t.arm) @ plan.normal[0] for t in robot.touches])
-    assert np.ptp(faces) < 0.01  # the arm itself meets the face; only the tilt of the flat end changes
 
 
 def test_limits_and_a_pressed_emergency_stop_are_refused(arc_welder, exact, plan):
@@ -306,34 +181,3 @@ def test_a_bouncing_contact_chatters_after_it_closes_and_settles(arc_welder, exa
 
     assert {contact for since, contact in readings if since < 0.05} == {True, False}
     assert all(contact for since, contact in readings if since > 0.0501)
-
-
-def test_a_robot_that_truly_bends_touches_where_it_truly_is(arc_welder, plan):
-    bending = with_errors(arc_welder, ("compliance", "harmonics"))
-    theta = bending.theta.copy()
-    theta[bending.robot.parameters.index("j3.sag4")] = np.radians(0.5)
-    truth = with_effects(Truth(theta, robot=bending.robot), sigma=0.0)
-    robot = robot_at(arc_welder, truth, plan)
-    face = arc_welder.jig.by_name[plan.face[0]]
-
-    robot.search(plan.approach[0] + 2.4 * (plan.q[0] - plan.approach[0]), SLOW)
-
-    position, R = bending.kinematics.tip(robot.touches[0].arm[None], theta)
-    lean = face.normal @ R[0, :, 2]
-    height = face.normal @ position[0] - face.offset - arc_welder.wire.radius * np.sqrt(1 - lean**2)
-    assert abs(height) < 0.01  # [mm], what it moves in a servo step
-    assert np.linalg.norm(position[0] - tip(arc_welder, robot.touches[0].arm)) > 0.5
-
-
-@pytest.mark.collides
-def test_an_arm_that_hits_the_table_stops_the_robot_and_is_recorded_though_the_wire_is_clear(arc_welder, exact, rng):
-    start = parked(arc_welder)
-    fallen = start + np.radians([0, 90, 0, 0, 0, 0])  # the upper arm goes down with all that hangs on it
-    robot = VirtualRobot(arc_welder, exact, rng, start=start)
-
-    outcome = robot.move(np.clip(fallen, arc_welder.robot.lower, arc_welder.robot.upper), SLOW)
-
-    assert outcome.kind == "ESTOP"
-    assert " has hit " in outcome.text
-    assert len(robot.collisions) == 1
-    assert robot.move(start, SLOW).kind == "ESTOP"  # a person has to look first

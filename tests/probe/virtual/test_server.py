@@ -1,39 +1,23 @@
 """The virtual cell behind its port: time, mishaps to order, and what was executed told apart from what was heard."""
 
-import json
-import os
-import signal
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from raw_host import RawHost, angles, crc, field, joints, line
-from virtual_support import make_plan
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
-from identify.model.io.description import library
 from identify.model.touch import Plan
 from probe.virtual.batch import search_end
-from probe.virtual.command import main
 from probe.virtual.faults import KINDS, SPOILS, Faults, parse_fault, spoil
-from probe.virtual.ports import open_port
 from probe.virtual.server import VirtualCell, serve
 from probe.virtual.truth import Truth, with_effects
 
 FASTEST = float("inf")
-
-
-@pytest.fixture(scope="module")
-def plan(arc_welder: Cell) -> Plan:
-    return make_plan(arc_welder, 4)
 
 
 @contextmanager
@@ -354,75 +338,3 @@ def test_random_faults_hit_as_often_as_asked_and_only_their_way(rng):
 
     assert 4000 - arrived == pytest.approx(200, abs=4 * np.sqrt(190))
     assert sum(len(faults.lines(b"x\n", "in")) for _ in range(1000)) == 1000
-
-
-@contextmanager
-def process(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "probe.virtual", *arguments]
-    running = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3])
-    try:
-        yield running
-    finally:
-        running.kill()
-        running.wait()
-        running.stdout.close()
-
-
-def test_the_command_serves_until_it_is_ended_and_leaves_a_log_and_no_port(arc_welder, plan, tmp_path):
-    log, start = tmp_path / "log.jsonl", ",".join(f"{v:.9f}" for v in np.degrees(plan.approach[0]))
-    cell = str(library("cells")["arc-welder"])
-    arguments = [
-        "--cell",
-        cell,
-        "--truth",
-        "library:arc-welder",
-        f"--start={start}",
-        "--speed",
-        "inf",
-        "--log",
-        str(log),
-    ]
-    with process(*arguments) as running:
-        url = running.stdout.readline().strip()
-        host = RawHost(url)
-        host.say("0 HELLO process")
-        host.say(f"1 MOVE {joints(plan.approach[0] + 0.01)} 5")
-        moved = host.hear()
-        host.close()
-        running.send_signal(signal.SIGTERM)
-        code = running.wait(timeout=20)
-
-    rows = [json.loads(row) for row in log.read_text().splitlines()]
-    assert moved.startswith("1 OK")
-    assert code == 0
-    assert [(row["motion"], row["outcome"]) for row in rows] == [("MOVE", "OK")]
-    assert not os.path.lexists(url)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["--cell", "none.yaml"], "none.yaml"),
-        (["--speed", "0"], "speed is 0"),
-        (["--start", "1,2"], "expected 6"),
-        (["--truth", "library:arc-wleder"], "arc-welder"),
-        (["--fault", "rebot@3"], "reboot"),
-        (["--port", "serial"], "choose pty"),
-    ],
-)
-def test_the_command_answers_bad_input_with_one_sentence_and_2(arguments, says, capsys):
-    code = main(["--cell", str(library("cells")["arc-welder"]), *arguments])
-
-    said = capsys.readouterr()
-    assert code == 2
-    assert said.out == ""
-    assert said.err.count("\n") == 1
-    assert says in said.err
-
-
-def test_a_socket_that_is_taken_is_refused_with_one_sentence():
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        number = taken.getsockname()[1]
-
-        with pytest.raises(InputError, match=f"socket:{number}.*choose another"):
-            open_port(f"socket:{number}")
