@@ -64,7 +64,7 @@ def campaign(
     time. Ends where the target is reached, the touches are used up, or more would not help. Raises InputError where
     nothing can be planned, and TouchError where the jig is not met.
     """
-    _sensible(cell, target_mm, max_touches)
+    check_limits(cell, target_mm, max_touches)
 
     def carefully(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
         return make_plan(cell, n, rng=rng, after=after, lifting=False, progress=progress).plan
@@ -77,7 +77,8 @@ def campaign(
     return Campaign(tuple(stages), target_mm, loop.reached, loop.why)
 
 
-def _sensible(cell: Cell, target: float, most: int) -> None:
+def check_limits(cell: Cell, target: float, most: int) -> None:
+    """Raise InputError if the target [mm] is none, or if so few touches cannot identify the robot."""
     least = structure(cell).rank + SPARE
     if not target > 0:
         raise InputError(f"target {target:g} mm: write the 95 % tip error in the zone that is wanted, above 0")

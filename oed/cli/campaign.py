@@ -45,12 +45,13 @@ def campaign(
     import numpy as np
 
     from identify.model.io.calibration_file import read_calibration, write_calibration
-    from oed.campaigns.campaign import campaign
+    from oed.campaigns.campaign import campaign, check_limits
     from oed.campaigns.connection import SIM
     from oed.campaigns.folder import Folder, only_one, over_port
     from probe import Settings
 
     described = load_cell(cell)
+    check_limits(described, target, max_touches)  # before the folder is touched
     connection = port.connection(described)
     settings = Settings(trust_position=trust_position or connection.port == SIM)
     with only_one(output), progress(not json) as on_progress:

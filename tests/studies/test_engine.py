@@ -5,9 +5,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from studies import PICTURES, STUDIES
 from studies.engine import Study, evaluate, here, where
-from studies.readme import readme
 
 
 @pytest.fixture
@@ -53,15 +51,3 @@ def _spawned(name, task):
     import json
 
     return tuple(hashlib.sha256(f"{name} {json.dumps(task, sort_keys=True)}".encode()).digest()[:16])
-
-
-def test_the_readme_of_the_studies_is_made_from_the_scripts():
-    assert (PICTURES.parent / "README.md").read_text(encoding="utf-8") == readme()
-
-
-@pytest.mark.parametrize("name", STUDIES)
-def test_every_answer_has_figures_and_a_picture(name):
-    story = Study.named(name).story
-
-    assert any(digit in story.partition("Answer: ")[2] for digit in "0123456789")
-    assert list(PICTURES.glob(f"{name}*.svg"))

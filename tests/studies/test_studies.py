@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from identify.model.files import InputError
-from oed.cli import main
 from studies import STUDIES, engine
 from studies.engine import Study, compute, evaluate, joined, read_table, write_results
 
@@ -164,12 +163,3 @@ def test_tables_with_other_columns_are_joined_with_gaps():
     assert whole["a"] == [1.0, 3.0]
     assert whole["c"][1] == "x"
     assert np.isnan(whole["b"][1])
-
-
-def test_the_command_alone_lists_every_study_with_its_question(capsys):
-    with pytest.raises(SystemExit, match="0"):
-        main(["study"])
-
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(STUDIES)
-    assert all(line.endswith("?") for line in lines)

@@ -1,12 +1,11 @@
 """A dozen touches tell whether a robot has changed: seldom without a cause, surely with one, and by its right name."""
 
-import json
 import re
 from collections import Counter
 
 import numpy as np
 import pytest
-from measured import TABLE_2, poses_over_jig, table_2, touches_at, with_offsets
+from measured import poses_over_jig, table_2, touches_at, with_offsets
 from scipy.stats import binom
 
 from identify.health.causes import looked_for
@@ -23,8 +22,6 @@ from oed.planning.candidate_set import plan_of
 from oed.planning.health_check import plan_check
 
 DEG = np.pi / 180
-
-
 SIGMA = 0.05  # [mm]
 
 
@@ -205,26 +202,6 @@ def folder(arc_welder, found, tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_from_plan_over_the_virtual_robot_to_the_verdict(folder, touchcal):
-    code, out, _ = touchcal("health", "calibration.json")
-    assert code == 0
-    assert "zero of joint j2" in out
-
-    code, out, _ = touchcal("health", "calibration.json", "--run")
-    assert code == 0
-    assert "unchanged: the robot is the one that was identified" in out
-    values = TABLE_2 | {"tool.x": TABLE_2["tool.x"] + 1.0}
-    (folder / "hit.yaml").write_text(json.dumps({"parameters": values}))
-
-    code, out, _ = touchcal("health", "calibration.json", "--run", "--truth", "hit.yaml", "--json")
-    assert code == 1
-    told = json.loads(out)
-    assert (told["verdict"], told["cause"]) == ("broken", "tool")
-    assert told["change"] == pytest.approx([1, 0, 0], abs=0.2)
-    assert (folder / "health-touches-2.csv").exists()
-    assert touchcal("health", "calibration.json", "health-touches.csv")[0] == 0
-
-
 def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, folder, touchcal):
     slipped = found.theta + changed(arc_welder, j3_theta=0.05 * DEG)
     touches = checked(arc_welder, plan, slipped, np.random.default_rng(1))
@@ -236,22 +213,3 @@ def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, fol
     assert re.search(r"drifted: zero of joint j3 by \+0.0[45]\d \+- 0.00\d deg", out)
     assert "more than 99 % sure" in out
     assert "set the joint's zero again" in out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["health", "calibration.json", "none.csv"], "none.csv: no such file"),
-        (["health", "calibration.json", "none.csv", "--run"], "touches are given and --run asks for new ones"),
-        (["health", "calibration.json", "--alarm", "2"], "--alarm is 2, expected a probability such as 0.01"),
-        (["health", "calibration.json", "-n", "5"], "5 touches are too few to judge a robot by; plan 6 at least"),
-    ],
-)
-def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, touchcal):
-    before = sorted(folder.rglob("*"))
-
-    code, out, err = touchcal(*arguments)
-
-    assert (code, out) == (2, "")
-    assert sentence in err
-    assert sorted(folder.rglob("*")) == before

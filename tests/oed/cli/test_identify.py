@@ -6,33 +6,11 @@ import sys
 
 import numpy as np
 import pytest
-from measured import poses_over_jig, positions_at, table_2, touches_at
+from measured import poses_over_jig, positions_at, touches_at
 
-from identify.model.io.description import library
 from identify.model.io.tables import positions_text, touches_text
 
 SIGMA = 0.05  # [mm]
-
-
-@pytest.fixture(scope="module")
-def sheets(arc_welder):
-    """Touches for a fit, and positions that it does not see, as text."""
-    rng = np.random.default_rng(4)
-    q, truth = poses_over_jig(arc_welder, 160, rng), table_2(arc_welder)
-    touches = touches_at(arc_welder, truth, q[:100], rng, SIGMA)
-    return {
-        "touches.csv": touches_text(touches, arc_welder.robot),
-        "unseen.csv": positions_text(positions_at(arc_welder, truth, q[100:], rng, SIGMA), arc_welder.robot),
-        "cell.yaml": library("cells")["arc-welder"].read_text(),
-    }
-
-
-@pytest.fixture
-def folder(sheets, tmp_path, monkeypatch):
-    for name, text in sheets.items():
-        (tmp_path / name).write_text(text)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def edit(path, change):
@@ -249,15 +227,6 @@ def test_bad_arguments_get_one_sentence_and_exit_code_2(arguments, sentence, fol
     assert code == 2
     assert sentence in err
     assert "Traceback" not in err
-
-
-def test_touches_of_the_fit_are_refused_as_verification(folder, touchcal):
-    touchcal("identify", "touches.csv")
-
-    code, _, err = touchcal("verify", "calibration.json", "touches.csv")
-
-    assert code == 2
-    assert "100 of 100 measurements were used in the fit" in err
 
 
 def test_a_mistake_in_the_cell_is_told_with_its_line(folder, touchcal):
