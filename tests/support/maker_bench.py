@@ -21,7 +21,7 @@ TOUCHES = 60
 MISSES = frozenset({9, 31, 32})  # searches in which the jig is away
 STICKS = 45  # the search after which the input stays closed
 DELAY = 0.004  # [s] of the relay
-PULSES = np.array([1341.38, 1907.674, 1592.889, 1022.862, 980.239, 454.754])  # of a degree
+PULSES = np.array([1341.38, 1907.674, 1592.889, 1022.862, 980.239, 454.754])  # of a degree, of a published Motoman
 RESOLUTION = {"fanuc": 4e-5, "kuka": 1e-5, "abb": 2.5e-5, "yaskawa": 1 / PULSES.min(), "ur": 1e-5}  # [deg]
 
 
