@@ -59,7 +59,7 @@ def test_a_search_in_joint_space_gives_the_joints_of_the_live_run(maker, made, l
 
 
 def test_the_calibration_is_that_of_the_live_run(maker, made, live_rms, bench):
-    """Within 2 % for what the program latched and, where a controller rounds to whole pulses, on average over roundings.
+    """Within 2 %: by what the program latched and, for a controller that knows whole pulses, on average over roundings.
 
     Pulses of 0.0005 to 0.0022 degrees move the contact by 0.0025 mm (RMS), beside a noise of 0.03 mm. That hides no
     information, but it is one more draw of noise: where the zero of an encoder lies within a pulse is an accident, and
