@@ -28,11 +28,17 @@ class JointCounting:
     zero: tuple[float, ...] = ()  # [deg] or [mm] a joint: what the controller shows where the model stands at 0
     coupled: tuple[tuple[int, int, int], ...] = ()  # joint, the joint whose count is added to it, +1 or -1
     pulses: tuple[float, ...] = ()  # pulses of one degree (or mm) a joint
+    uncoupled: bool = False  # whether a file states that no count depends on another joint
 
     @property
     def differs(self) -> bool:
         """Whether the controller's counts are other numbers than the joints of the model."""
         return bool(self.coupled) or -1 in self.sign or any(self.zero)
+
+    @property
+    def stated(self) -> bool:
+        """Whether a file says how the counts of one joint depend on another."""
+        return self.uncoupled or self.differs
 
     def from_controller(self, counts: Float[np.ndarray, "*rows joints"]) -> Float[np.ndarray, "*rows joints"]:
         """Joints of the model [deg] or [mm] from the controller's counts."""

@@ -1,6 +1,6 @@
 """`touchcal check`."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,8 +27,9 @@ def check(
     Exit code 1 where model and pendant disagree; the usual causes are tried (axis signs, joint 3 coupled to joint 2,
     offsets of a right angle, flange or tip, base height, order of the angles, mm or m), and the one that explains it is
     named. How the controller counts its joints (axis signs, coupling, zeros) is proposed as `joints:` of the cell, and
-    written there with --fix. pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg. A
-    page beside the cell file shows robot, torch, jig and zone. For example:
+    written there with --fix; where all agree, --fix writes that no joint is counted together with another.
+    pendant.csv has columns id, q1_deg ... qN_deg, x_mm, y_mm, z_mm, w_deg, p_deg, r_deg. A page beside the cell file
+    shows robot, torch, jig and zone. For example:
 
         touchcal check --pendant pendant.csv
 
@@ -49,10 +50,11 @@ def check(
     if fix and pendant is None:
         raise InputError("--fix writes what the pendant shows; say --pendant FILE too")
     agreement = None if pendant is None else compare(described, read_pendant(pendant, described))
-    if fix and pendant and agreement and agreement.explained and agreement.counting:
-        write_text(cell, Document(cell).with_key("joints", _entry(described, agreement.counting) or None))
+    counting = _to_write(described, agreement) if fix else None
+    if pendant and counting:
+        write_text(cell, Document(cell).with_key("joints", _entry(described, counting) or None))
         if not json:
-            print(f"wrote {_line(described, agreement.counting)} into {cell}")
+            print(f"wrote {_line(described, counting)} into {cell}")
         described = load_cell(cell)
         agreement = compare(described, read_pendant(pendant, described))
     if json:
@@ -62,6 +64,14 @@ def check(
         print(story(described, agreement))
         print(_picture(described, cell))
     return 0 if agreement is None or agreement.agrees else 1
+
+
+def _to_write(cell: "Cell", agreement: "Agreement | None") -> "JointCounting | None":
+    """The counting that the pendant shows, where the cell does not say it."""
+    if agreement is None or not agreement.explained:
+        return None
+    as_model = agreement.agrees and not cell.robot.counting.stated
+    return replace(cell.robot.counting, uncoupled=True) if as_model else agreement.counting
 
 
 def _picture(described: "Cell", cell: Path) -> str:

@@ -85,12 +85,13 @@ def program(
         Every approach from 25 mm further off, and no search: to be run first.
     """
     from identify.model.io.tables import read_plan
-    from probe.programs.makers import PAGE, counting_notes
+    from probe.programs.makers import PAGE
     from probe.programs.makers import program as programmed
 
     described = load_cell(cell)
     planned = read_plan(plan, described)
-    files = programmed(planned, described, maker, choices.options(rehearsal))
+    written = programmed(planned, described, maker, choices.options(rehearsal))
+    files = written.files
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: it is no folder; choose another place with -o")
     others = sorted({p.name for p in output.glob("T[CR]*.*")} - files.keys()) if output.exists() else []
@@ -99,7 +100,7 @@ def program(
     _write(output, files)
     names = ", ".join(name for name in files if name != PAGE)
     print(f"{len(planned)} {'approaches' if rehearsal else 'touches'} in {names}; no real controller has run it yet")
-    for note in counting_notes(described, maker):
+    for note in written.notes:
         print(f"note: {note}")
     print(f"go on with {output / PAGE}: what to set, how to load it, and what comes back")
 

@@ -14,9 +14,17 @@ from probe.programs.log import Log, stamp
 from probe.programs.options import Options
 from probe.programs.page import Instructions, page
 from probe.programs.part import Part, parts
-from probe.programs.routine import routines
+from probe.programs.routine import near_approaches, routines
 
 PAGE = "OPERATOR.md"
+
+
+@dataclass(frozen=True)
+class Program:
+    """What an operator is given."""
+
+    files: dict[str, str]  # by name, and the page for the operator
+    notes: tuple[str, ...]  # sentences that stand in that page and on the screen
 
 
 @dataclass(frozen=True)
@@ -67,13 +75,14 @@ def maker_of(name: str) -> Maker:
     return MAKERS[name]
 
 
-def program(plan: Plan, cell: Cell, name: str, options: Options) -> dict[str, str]:
-    """The files of a program that makes the touches of a plan, and the page for its operator, by their names.
+def program(plan: Plan, cell: Cell, name: str, options: Options) -> Program:
+    """A program that makes the touches of a plan, and the page for its operator.
 
     Raises InputError with everything that speaks against the plan or the options.
     """
     maker = maker_of(name)
     maker.check(options)
+    _check_counting(cell, name)
     speed = round(options.search_speed or cell.touch.speed, 3)
     options = replace(options, search_speed=speed)
     touches = routines(plan, cell, options, straight=maker.straight)
@@ -81,23 +90,27 @@ def program(plan: Plan, cell: Cell, name: str, options: Options) -> dict[str, st
     if capacity < 1:
         title = maker.instructions.title
         raise InputError(f"no register is left for a touch on {title}: lower --first-register, or raise --registers")
-    files = parts(touches, options, stamp(plan, cell.robot, name), speed, cell.robot, capacity)
-    return {k: text for part in files for k, text in maker.write(part).items()} | {
-        PAGE: page(maker.instructions, maker.example, files, options, counting_notes(cell, name))
-    }
+    split = parts(touches, options, stamp(plan, cell.robot, name), speed, cell.robot, capacity)
+    notes = near_approaches(touches) if options.rehearsal else ()
+    files = {k: text for part in split for k, text in maker.write(part).items()}
+    return Program(files | {PAGE: page(maker.instructions, maker.example, split, options, notes)}, notes)
 
 
-def counting_notes(cell: Cell, name: str) -> tuple[str, ...]:
-    """What speaks against the way in which a cell without `joints:` counts, on controllers of a maker."""
-    if name not in COUPLED or cell.robot.counting.differs:
-        return ()
-    return (
-        "cell.yaml has no joints:, so the program counts J3 as the model does. FANUC controllers count J3 together "
-        "with J2: if the model does not, the arm goes elsewhere. Read some poses off the pendant first; touchcal check "
-        "--pendant pendant.csv --fix writes joints: into cell.yaml.",
+def _check_counting(cell: Cell, name: str) -> None:
+    """Raise InputError where the cell leaves open what moves the arms of a maker: how joint 3 is counted."""
+    if name not in COUPLED or cell.robot.counting.stated or len(cell.robot.joints) < 3:
+        return
+    second, third = (cell.robot.joints[i].name for i in (1, 2))
+    raise InputError(
+        f"cell.yaml does not say how the controller counts {third}: {MAKERS[name].instructions.title} "
+        f"counts it together with {second}, and the arm goes elsewhere where the model does not. Read some poses off "
+        "the pendant, then touchcal check --pendant pendant.csv --fix writes it; or write joints: {coupled: "
+        f"{{{third}: {second}}}}}, or joints: {{coupled: {{}}}} where no joint is counted together with another"
     )
 
 
 def read_logs(paths: Sequence[Path], plan: Plan, cell: Cell, name: str) -> list[Log]:
     """What programs of a maker logged; raises InputError with file, line and cure."""
-    return maker_of(name).read(paths, cell.robot, stamp(plan, cell.robot, name))
+    maker = maker_of(name)
+    _check_counting(cell, name)
+    return maker.read(paths, cell.robot, stamp(plan, cell.robot, name))

@@ -17,9 +17,11 @@ from probe.motion.room import Room
 from probe.programs.log import JOINTS
 from probe.programs.options import Options
 from probe.runs.preflight import validate
+from probe.runs.rehearsal import retreats, route_back
 
 INSIDE = 0.002 * DEG  # [rad] of the joint limits: a pulse of the coarsest joint
 SHORTER = np.linspace(1.0, 0.5, 11)  # of the search, where a joint limit ends the straight line before
+NEARER = 0.5  # [mm] that two approaches may differ
 SLOWEST, FASTEST = 0.01, 0.3  # of the joint speeds, on a move: an operator stands beside it
 
 Joints = Float[np.ndarray, " joints"]
@@ -47,6 +49,7 @@ class Routine:
     end: Joints  # [rad], where it ends without a contact
     along: Float[np.ndarray, " 3"]  # [mm], from start to end in the robot's base frame
     length: float  # [mm] of the tip's way
+    further: float  # [mm] of the tip's way that the last leg ends before the approach, in a rehearsal
     seconds: float  # of the search
 
 
@@ -66,13 +69,25 @@ def routines(plan: Plan, cell: Cell, options: Options, *, straight: bool) -> lis
     geometry = Geometry(cell, settings)
     ends = line_ends(cell, targets, geometry) if straight else [target.end for target in targets]
     ends = [_inside(end, cell) for end in ends]
-    places = [_place(target, geometry, options) for target in targets]
-    room = Room(cell, [q for target, place in zip(targets, places, strict=True) for q in (*target.via, place)])
-    out, here = list[Routine](), None
+    room = Room(cell, [q for target in targets for q in (*target.via, target.approach)])
+    places = retreats(targets, geometry, room) if options.rehearsal else [target.approach for target in targets]
+    out, here, last = list[Routine](), None, None
     for target, place, end in zip(targets, places, ends, strict=True):
-        out.append(_routine(len(out) + 1, target, end, _route(here, place, target, room), geometry))
-        here = place
+        out.append(_routine(len(out) + 1, target, end, _route(here, place, target, last, room), geometry))
+        here, last = place, target
     return out
+
+
+def near_approaches(touches: Sequence[Routine]) -> tuple[str, ...]:
+    """What to say of a rehearsal in which some approaches are nearer to their faces than others."""
+    usual = max(touch.further for touch in touches)
+    near = [f"{touch.id} ({touch.further:.0f} mm)" for touch in touches if touch.further < usual - NEARER]
+    if not near:
+        return ()
+    return (
+        f"{len(near)} of {len(touches)} approaches are rehearsed from less than {usual:.0f} mm further off, because "
+        f"more is not clear or a joint limit comes first: {', '.join(near)}",
+    )
 
 
 def line_ends(cell: Cell, targets: Sequence[Target], geometry: Geometry) -> list[Joints]:
@@ -104,19 +119,11 @@ def _inside(q: Joints, cell: Cell) -> Joints:
     return np.clip(q, cell.robot.lower + INSIDE, cell.robot.upper - INSIDE)
 
 
-def _place(target: Target, geometry: Geometry, options: Options) -> Joints:
-    """Where a touch is approached; in a rehearsal further off its face."""
-    if not options.rehearsal:
-        return target.approach
-    far = geometry.length(target.contact, target.approach) + geometry.settings.dry_distance
-    return geometry.beyond(target.contact, target.approach, far)
-
-
-def _route(here: Joints | None, place: Joints, target: Target, room: Room) -> list[Joints | None]:
+def _route(here: Joints | None, place: Joints, target: Target, last: Target | None, room: Room) -> list[Joints | None]:
     """The postures to an approach, as a live run goes there; the first is where the robot stands."""
-    if here is None:
+    if here is None or last is None:
         return [None, *target.via, place]
-    if route := room.route(here, place, list(target.via)):
+    if route := room.route(here, place, [*target.via]) or route_back(room, here, place, target, last):
         return [here, *route]
     hit = room.obstruction(here, place, list(target.via))
     raise InputError(f"no clear way to touch '{target.id}' was found: {hit}; plan the order again")
@@ -140,6 +147,7 @@ def _routine(number: int, target: Target, end: Joints, route: list[Joints | None
         end=end,
         along=base_R_jig @ (tips[1] - tips[0]),
         length=length,
+        further=geometry.length(target.approach, legs[-1].q),
         seconds=length / geometry.search_speed,
     )
 

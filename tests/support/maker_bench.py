@@ -84,7 +84,7 @@ def execute(maker: str, machine: Machine, files: dict[str, str]) -> dict[str, st
 
 def make(bench: Bench, maker: str, folder, options: Options, *, only: str = "", stuck: bool = False, **faults) -> Made:
     """Plan to program to interpreter to import; `only` the logs of one file, the input `stuck` from the start."""
-    files = program(bench.plan, bench.cell, maker, options)
+    files = program(bench.plan, bench.cell, maker, options).files
     robot = bench.robot(**faults)
     robot.health.stuck = stuck
     machine = Machine(robot)

@@ -15,7 +15,8 @@ def counting_of(entry: JointsEntry, names: Sequence[str]) -> JointCounting:
     """How a controller counts joints of these names; `entry` has no mistakes."""
     sign, zero, pulses = (_row(getattr(entry, key), names, usual) for key, usual in LISTS.items())
     coupled = [(j, w, s) for _, j, w, s in _coupled(entry, names) if j is not None and w is not None]
-    return JointCounting(tuple(map(int, sign)), zero, tuple(coupled), pulses)
+    uncoupled = entry.coupled is not None and not coupled
+    return JointCounting(tuple(map(int, sign)), zero, tuple(coupled), pulses, uncoupled)
 
 
 def counting_entry(counting: JointCounting, names: Sequence[str]) -> dict[str, Any]:
@@ -26,7 +27,7 @@ def counting_entry(counting: JointCounting, names: Sequence[str]) -> dict[str, A
         "coupled": {names[j]: f"{'-' if sign < 0 else ''}{names[w]}" for j, w, sign in counting.coupled},
         "pulses_per_deg": list(counting.pulses),
     }
-    return {key: value for key, value in entry.items() if value}
+    return {key: value for key, value in entry.items() if value or (key == "coupled" and counting.uncoupled)}
 
 
 def counting_mistakes(document: Document, names: Sequence[str]) -> list[Mistake]:

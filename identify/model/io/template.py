@@ -39,6 +39,7 @@ jig: {jig}
 
 # How the controller counts its joints, if pendant and model differ; touchcal check --pendant proposes this line. Files
 # that controller or pendant read or write (plan.csv, touches.csv, pendant.csv, programs, the line) hold its numbers.
+# {{coupled: {{}}}} says that no joint is counted together with another.
 # joints: {{sign: {{{joints[0]}: -1}}, zero_deg: {{{joints[1]}: 90}}, coupled: {{{joints[2]}: {joints[1]}}}}}
 
 # Joint errors beyond geometry, once touches have chosen them (touchcal identify --errors auto).

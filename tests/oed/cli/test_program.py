@@ -51,24 +51,32 @@ def test_a_plan_becomes_a_program_and_its_log_touches(folder, touchcal, arc_weld
     assert set(touches.temperature) == {21.5}
 
 
-def test_a_program_for_a_fanuc_asks_how_its_controller_counts_until_the_cell_says_so(folder, touchcal, arc_welder):
-    code, said, _ = touchcal("program", "plan.csv", "--maker", "fanuc")
-    page = (folder / "program" / "OPERATOR.md").read_text()
-    assert code == 0
-    for text in (said, page):
-        assert "cell.yaml has no joints:" in text
-        assert "touchcal check --pendant pendant.csv --fix" in text
+@pytest.mark.parametrize("coupled", ["{j3: j2}", "{}"])
+def test_nothing_is_written_or_read_for_a_fanuc_until_the_cell_says_how_it_counts(
+    coupled, folder, touchcal, arc_welder
+):
+    (folder / "posreg1.va").write_text("")
+    for arguments in (("program", "plan.csv"), ("import", "posreg1.va", "--plan", "plan.csv")):
+        code, _, complaint = touchcal(*arguments, "--maker", "fanuc")
+        assert code == 2
+        assert "cell.yaml does not say how the controller counts j3" in complaint
+        assert "touchcal check --pendant pendant.csv --fix writes it; or write joints: {coupled: {j3: j2}}" in complaint
+    assert not Path("program").exists()
+    assert touchcal("program", "plan.csv", "--maker", "abb", "-o", "other")[0] == 0
 
-    (folder / "cell.yaml").write_text((folder / "cell.yaml").read_text() + "joints: {coupled: {j3: j2}}\n")
+    say_counting(folder, f"{{coupled: {coupled}}}")
     counted = read_cell(folder / "cell.yaml").robot
     (folder / "plan.csv").write_text(plan_text(read_plan(PLAN, arc_welder).take(np.arange(FEW)), counted))
-    code, said, _ = touchcal("program", "plan.csv", "--maker", "fanuc")
-    assert code == 0
-    assert "has no joints:" not in said + (folder / "program" / "OPERATOR.md").read_text()
-    assert "has no joints:" not in touchcal("program", "plan.csv", "--maker", "abb", "-o", "other")[1]
+    assert touchcal("program", "plan.csv", "--maker", "fanuc")[0] == 0
+
+
+def say_counting(folder, joints):
+    """The cell file says how the controller counts."""
+    (folder / "cell.yaml").write_text((folder / "cell.yaml").read_text() + f"joints: {joints}\n")
 
 
 def test_measured_touches_are_not_overwritten_and_no_hit_is_exit_1(folder, touchcal, arc_welder):
+    say_counting(folder, "{coupled: {}}")
     touchcal("program", "plan.csv", "--maker", "fanuc")
     logs = log_of("fanuc", arc_welder, folder, missing=range(1, FEW + 1))
 

@@ -25,7 +25,7 @@ PLAN = Path(__file__).with_name("plan.csv")  # touchcal plan -n 60 --seed 1 of t
 def bench(arc_welder) -> Bench:
     """An arm off by a fifth of its tolerances, with play, delay, bounce and noise."""
     rng = np.random.default_rng(5)
-    counting = JointCounting(pulses=tuple(PULSES))
+    counting = JointCounting(pulses=tuple(PULSES), uncoupled=True)
     cell = replace(arc_welder, robot=replace(arc_welder.robot, counting=counting))
     plan = read_plan(PLAN, cell)
     assert len(plan) == TOUCHES

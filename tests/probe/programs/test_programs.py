@@ -9,6 +9,9 @@ from maker_machine import Machine
 
 from identify.model.files import InputError
 from identify.model.joint_counting import JointCounting
+from probe.motion.joint_path import Geometry
+from probe.motion.room import Room
+from probe.motion.settings import Settings
 from probe.programs.makers import MAKERS, PAGE, program
 from probe.programs.options import UNTRIED, Options
 
@@ -23,7 +26,7 @@ def few(bench) -> Bench:
 
 @pytest.mark.parametrize("maker", MAKERS)
 def test_a_rehearsal_visits_every_approach_from_further_off_and_never_searches(maker, few):
-    files = program(few.plan, few.cell, maker, Options(rehearsal=True))
+    files = program(few.plan, few.cell, maker, Options(rehearsal=True)).files
     robot = few.robot()
     robot.arm.collides = maker == "abb"
 
@@ -36,6 +39,23 @@ def test_a_rehearsal_visits_every_approach_from_further_off_and_never_searches(m
     nearest = [np.linalg.norm(tips - point, axis=1).min() for point in few.plan.point]
     assert min(nearest) > 30  # 25 mm of the approach, and less than 25 more at a joint limit
     assert np.abs(np.median(nearest) - 50) < 3
+
+
+def test_an_approach_is_rehearsed_from_as_far_off_as_is_clear_and_the_page_says_so(few, monkeypatch):
+    geometry, clear = Geometry(few.cell, Settings()), Room.clear
+
+    def but_not_far_off_the_third(room, legs):
+        third = few.plan.approach[2]
+        blocked = [len(leg) == 2 and np.array_equal(leg[0], third) and geometry.length(*leg) > 15 for leg in legs]
+        return [ok and not bad for ok, bad in zip(clear(room, legs), blocked, strict=True)]
+
+    (before,) = program(few.plan, few.cell, "abb", Options(rehearsal=True)).notes
+    monkeypatch.setattr(Room, "clear", but_not_far_off_the_third)
+    made = program(few.plan, few.cell, "abb", Options(rehearsal=True))
+
+    assert before.endswith("joint limit comes first: 5 (15 mm), 6 (10 mm)")
+    assert made.notes[0].endswith("joint limit comes first: 3 (12 mm), 5 (15 mm), 6 (10 mm)")
+    assert made.notes[0] in made.files[PAGE]
 
 
 @pytest.mark.parametrize("maker", MAKERS)
@@ -83,7 +103,7 @@ def test_joints_are_written_and_read_as_the_controller_counts_them(maker, few, t
 @pytest.mark.parametrize("maker", MAKERS)
 def test_every_file_says_that_no_real_controller_has_run_it(maker, few):
     for rehearsal in (False, True):
-        for name, text in program(few.plan, few.cell, maker, Options(rehearsal=rehearsal)).items():
+        for name, text in program(few.plan, few.cell, maker, Options(rehearsal=rehearsal)).files.items():
             words = " ".join(text.translate(str.maketrans("!;:#'*0123456789", " " * 16)).split())
             assert UNTRIED in words or name.endswith(".dat"), name
             assert name == PAGE or text.isascii(), name
@@ -91,7 +111,7 @@ def test_every_file_says_that_no_real_controller_has_run_it(maker, few):
 
 @pytest.mark.parametrize("maker", MAKERS)
 def test_the_page_says_what_to_set_how_to_load_it_and_what_comes_back(maker, few):
-    page = program(few.plan, few.cell, maker, Options())[PAGE]
+    page = program(few.plan, few.cell, maker, Options()).files[PAGE]
 
     assert MAKERS[maker].example in page or maker == "ur"
     for word in ("## Before", "## Load", "T1 at 10 % override", "rehearsal", "touchcal import", "--maker " + maker):
