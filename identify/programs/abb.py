@@ -14,7 +14,7 @@ from jaxtyping import Bool
 
 from identify.programs.abb_data import Aggregate, aggregates, numbers_of
 from identify.programs.abb_frames import Declared, Uses, declared, uses
-from identify.programs.records import Found, Maker, Mention, Postures, Record
+from identify.programs.records import Maker, Mention, Positions, Postures, Record
 from identify.programs.setup import Setup
 from identify.programs.source import Source, blanked
 
@@ -23,17 +23,17 @@ ABSOLUTE = re.compile(r"\bMoveAbsJ\s*(?:\\\w+\s*,)?\s*$", re.IGNORECASE)
 EDGE = 0.5  # [deg] around a quadrant's edge, where a joint may be said to stand on either side
 
 
-def find(sources: Sequence[Source], setup: Setup) -> list[Found]:
+def find(sources: Sequence[Source], setup: Setup) -> list[Positions]:
     """The targets of modules; refuses a broken one. Tools and work objects are looked for in all of them."""
     views = [blanked(source.text, r"![^\r\n]*", r'"[^"\r\n]*"') for source in sources]
     for source, view in zip(sources, views, strict=True):
         _whole(source, view)
-    held = [aggregates(source, view) for source, view in zip(sources, views, strict=True)]
-    known = Declared()
-    for view, mine in zip(views, held, strict=True):
-        known = declared(view, mine, known)
-    used = uses(views)
-    return [_find(*each, used, known) for each in zip(sources, views, held, strict=True)]
+    aggregates_by_file = [aggregates(source, view) for source, view in zip(sources, views, strict=True)]
+    declarations = Declared()
+    for view, mine in zip(views, aggregates_by_file, strict=True):
+        declarations = declared(view, mine, declarations)
+    usage = uses(views)
+    return [_find(*each, usage, declarations) for each in zip(sources, views, aggregates_by_file, strict=True)]
 
 
 def _whole(source: Source, view: str) -> None:
@@ -43,27 +43,27 @@ def _whole(source: Source, view: str) -> None:
         source.fail(len(source.text), "MODULE without ENDMODULE; is the file cut short?")
 
 
-def _find(source: Source, view: str, mine: Sequence[Aggregate], used: Uses, known: Declared) -> Found:
+def _find(source: Source, view: str, mine: Sequence[Aggregate], usage: Uses, declarations: Declared) -> Positions:
     records, mentions = list[Record](), list(_mentions(source, view))
     for outer in mine:
         kind, name = _declared(view, outer)
         parts = list(_targets(outer))
-        found = [_record(source, view, part, kind) for part in parts]
-        for i, (part, record) in enumerate(zip(parts, found, strict=True), 1):
+        targets = [_record(source, view, part, kind) for part in parts]
+        for i, (part, record) in enumerate(zip(parts, targets, strict=True), 1):
             if record is not None:
                 label = name if len(parts) == 1 else f"{name}{{{i}}}"
-                pairs = used.of(name) if kind else uses([_statement(view, part)], inline=True).of("")
-                records.append(_placed(record, label or record.name, pairs, known))
-        if kind and not any(found):
+                pairs = usage.of(name) if kind else uses([_statement(view, part)], inline=True).of("")
+                records.append(_placed(record, label or record.name, pairs, declarations))
+        if kind and not any(targets):
             why = "computed: it is not made of plain numbers with whole confdata"
             mentions.append(Mention(source.name, source.line(outer.start), name, why))
-    return Found(tuple(records), tuple(mentions))
+    return Positions(tuple(records), tuple(mentions))
 
 
 def _declared(view: str, outer: Aggregate) -> tuple[str, str]:
     """Type and name of a declared target; nothing for one that stands in an instruction."""
-    found = TARGET.search(view, max(0, outer.start - 300), outer.start)
-    return (found[1].lower(), found[2]) if found else ("", "")
+    match = TARGET.search(view, max(0, outer.start - 300), outer.start)
+    return (match[1].lower(), match[2]) if match else ("", "")
 
 
 def _targets(outer: Aggregate) -> Iterator[Aggregate]:
@@ -88,18 +88,18 @@ def _record(source: Source, view: str, part: Aggregate, kind: str) -> Record | N
     if not all(re.fullmatch(r"[+-]?\d+", text) for text in flags):
         return None
     length = float(np.linalg.norm([number.value for number in numbers[3:7]]))
-    left = "" if abs(length - 1) < 0.01 else f"orientation: its quaternion has length {length:.3g}, expected 1"
-    return Record(name, line, "quaternion", numbers[:7], flags=tuple(int(text) for text in flags), left=left)
+    reason = "" if abs(length - 1) < 0.01 else f"orientation: its quaternion has length {length:.3g}, expected 1"
+    return Record(name, line, "quaternion", numbers[:7], flags=tuple(int(text) for text in flags), why=reason)
 
 
-def _placed(record: Record, name: str, pairs: Sequence[tuple[str, str]], known: Declared) -> Record:
+def _placed(record: Record, name: str, pairs: Sequence[tuple[str, str]], declarations: Declared) -> Record:
     """A record with its name, and with the tool and the work object that it is used with."""
     if record.kind == "joints":
         return replace(record, name=name)
-    places = [known.place(tool, wobj) for tool, wobj in dict.fromkeys(pairs)] or [known.place("", "")]
+    places = [declarations.place(tool, wobj) for tool, wobj in dict.fromkeys(pairs)] or [declarations.place("", "")]
     frame, tool, why = places[0]
     why = why if len(places) == 1 else "frame: it is used with more than one tool or work object"
-    return replace(record, name=name, frame=frame, tool=tool, left=record.left or why)
+    return replace(record, name=name, frame=frame, tool=tool, why=record.why or why)
 
 
 def _statement(view: str, part: Aggregate) -> str:
@@ -110,9 +110,9 @@ def _statement(view: str, part: Aggregate) -> str:
 
 def _mentions(source: Source, view: str) -> Iterator[Mention]:
     """Targets that instructions shift."""
-    for found in re.finditer(r"\b(Offs|RelTool)\s*\(\s*(\w+)", view, re.IGNORECASE):
-        why = f"offset: {found[1]} shifts it by a distance that is not corrected"
-        yield Mention(source.name, source.line(found.start()), found[2], why)
+    for match in re.finditer(r"\b(Offs|RelTool)\s*\(\s*(\w+)", view, re.IGNORECASE):
+        why = f"offset: {match[1]} shifts it by a distance that is not corrected"
+        yield Mention(source.name, source.line(match.start()), match[2], why)
 
 
 def fits(flags: tuple[int, int, int, int], postures: Postures) -> Bool[np.ndarray, " solutions"]:

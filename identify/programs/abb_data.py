@@ -37,11 +37,11 @@ class Aggregate:
 
 def aggregates(source: Source, view: str) -> list[Aggregate]:
     """The outermost aggregates of a module; refuses one that does not close before its statement ends."""
-    found, at = list[Aggregate](), 0
+    items, at = list[Aggregate](), 0
     while (at := view.find("[", at)) >= 0:
-        found.append(_aggregate(Scanner(source, at, view)))
-        at = found[-1].end
-    return found
+        items.append(_aggregate(Scanner(source, at, view)))
+        at = items[-1].end
+    return items
 
 
 def _aggregate(scan: Scanner) -> Aggregate:
@@ -78,10 +78,10 @@ def _leaf(scan: Scanner, start: int) -> Leaf:
 
 def numbers_of(aggregate: Aggregate) -> tuple[Number, ...]:
     """All numbers in an aggregate, in their order."""
-    found = list[Number]()
+    numbers = list[Number]()
     for item in aggregate.items:
         if isinstance(item, Aggregate):
-            found += numbers_of(item)
+            numbers += numbers_of(item)
         elif item.number is not None:
-            found.append(item.number)
-    return tuple(found)
+            numbers.append(item.number)
+    return tuple(numbers)

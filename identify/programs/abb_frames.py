@@ -44,15 +44,15 @@ class Uses:
         return self.pairs.get(name.lower(), [])
 
 
-def declared(view: str, held: Sequence[Aggregate], before: Declared) -> Declared:
+def declared(view: str, aggregates: Sequence[Aggregate], before: Declared) -> Declared:
     """Tools and work objects of one module, added to those known before."""
     tools, frames = dict(before.tools), dict(before.frames)
-    for aggregate in held:
-        found = DATA.search(view, max(0, aggregate.start - 300), aggregate.start)
-        if found and found[1].lower() == "tooldata":
-            tools[found[2].lower()] = _tool(found[2], aggregate)
-        elif found:
-            frames[found[2].lower()] = _wobj(found[2], aggregate)
+    for aggregate in aggregates:
+        match = DATA.search(view, max(0, aggregate.start - 300), aggregate.start)
+        if match and match[1].lower() == "tooldata":
+            tools[match[2].lower()] = _tool(match[2], aggregate)
+        elif match:
+            frames[match[2].lower()] = _wobj(match[2], aggregate)
     return Declared(tools, frames)
 
 

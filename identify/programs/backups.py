@@ -1,7 +1,10 @@
 """Frames and tools in what controllers back up: FANUC sysframe.va, KUKA $config.dat, ABB SYS.MOD, Yaskawa .CND files.
 
-Each format was read off public backups; none of ours. A frame of zeros is one that nobody has set: it is left out, so
-that a program which uses it is told so.
+Forms were compared with public texts; none is of ours. TOOL.CND: the backup of an SDA20D. UFRAME.CND: the text that a
+public reader of such files keeps in its tests. SYS.MOD, user.sys: a system module of a public station, whose work
+object is a comment, and declarations of work objects and tools in several public RAPID modules. $config.dat: lines that
+two public readers quote. sysframe.va: a backup that a public reader quotes. A frame of zeros is one that nobody has
+set: it is left out, so that a program which uses it is told so.
 """
 
 import re
@@ -48,43 +51,43 @@ def is_backup(path: Path) -> bool:
 def read_backup(path: Path) -> tuple[Mapping[str, Float[np.ndarray, "4 4"]], Mapping[str, Float[np.ndarray, "4 4"]]]:
     """Frames and tools [mm] by name, or number as text; raises InputError where the file holds none."""
     text = read_bytes(path).decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
-    found = list(READERS[path.suffix.lower()](text))
-    if not found:
+    frames = list(READERS[path.suffix.lower()](text))
+    if not frames:
         what = "holds no frame and no tool that is set; is it the file with the frames of the robot?"
         raise InputError([Mistake(str(path), 0, what)])
     tables: dict[str, dict[str, Float[np.ndarray, "4 4"]]] = {"frame": {}, "tool": {}}
-    for kind, name, T in found:
+    for kind, name, T in frames:
         tables[kind][name] = T
     return tables["frame"], tables["tool"]
 
 
 def _fanuc(text: str) -> Iterator[Frames]:
     for block in FANUC_BLOCK.finditer(text):
-        for found in FANUC_FRAME.finditer(block[2]):
-            x, y, z, w, p, r = map(float, found.groups()[1:])
-            yield from _set("frame" if block[1] == "FRAME" else "tool", found[1], [x, y, z, r, p, w])
+        for match in FANUC_FRAME.finditer(block[2]):
+            x, y, z, w, p, r = map(float, match.groups()[1:])
+            yield from _set("frame" if block[1] == "FRAME" else "tool", match[1], [x, y, z, r, p, w])
 
 
 def _kuka(text: str) -> Iterator[Frames]:
-    for found in KUKA.finditer(text):
+    for match in KUKA.finditer(text):
         yield from _set(
-            "frame" if found[1].upper() == "BASE" else "tool", found[2], [float(v) for v in found.groups()[2:]]
+            "frame" if match[1].upper() == "BASE" else "tool", match[2], [float(v) for v in match.groups()[2:]]
         )
 
 
 def _yaskawa(text: str) -> Iterator[Frames]:
     for kind, pattern in (("frame", YASKAWA_FRAME), ("tool", YASKAWA_TOOL)):
-        for found in pattern.finditer(text):
-            x, y, z, rx, ry, rz = map(float, found.groups()[1:])
-            yield from _set(kind, found[1], [x, y, z, rz, ry, rx])
+        for match in pattern.finditer(text):
+            x, y, z, rx, ry, rz = map(float, match.groups()[1:])
+            yield from _set(kind, match[1], [x, y, z, rz, ry, rx])
 
 
 def _abb(text: str) -> Iterator[Frames]:
-    for found in ABB_TOOL.finditer(text):
-        yield "tool", found[1], _quaternion_pose([float(v) for v in found.groups()[1:]])
-    for found in ABB_FRAME.finditer(text):
-        numbers = [float(v) for v in found.groups()[1:]]
-        yield "frame", found[1], _quaternion_pose(numbers[:7]) @ _quaternion_pose(numbers[7:])
+    for match in ABB_TOOL.finditer(text):
+        yield "tool", match[1], _quaternion_pose([float(v) for v in match.groups()[1:]])
+    for match in ABB_FRAME.finditer(text):
+        numbers = [float(v) for v in match.groups()[1:]]
+        yield "frame", match[1], _quaternion_pose(numbers[:7]) @ _quaternion_pose(numbers[7:])
 
 
 def _set(kind: str, name: str, numbers: list[float]) -> Iterator[Frames]:

@@ -43,9 +43,9 @@ def correct(calibration: Calibration, records: Sequence[Record], maker: Maker, s
     work = _Work(calibration, maker, setup)
     cartesian = [i for i, record in enumerate(records) if record.kind != "joints"]
     joints = [i for i, record in enumerate(records) if record.kind == "joints"]
-    done = dict(zip(cartesian, work.poses([records[i] for i in cartesian]), strict=True))
-    done |= dict(zip(joints, work.joints([records[i] for i in joints]), strict=True))
-    return [done[i] for i in range(len(records))]
+    corrections = dict(zip(cartesian, work.poses([records[i] for i in cartesian]), strict=True))
+    corrections |= dict(zip(joints, work.joints([records[i] for i in joints]), strict=True))
+    return [corrections[i] for i in range(len(records))]
 
 
 def frame_T_tool(record: Record, values: Float[np.ndarray, " numbers"]) -> Float[np.ndarray, "4 4"]:
@@ -68,50 +68,52 @@ class _Work:
     def poses(self, records: Sequence[Record]) -> list[Corrected]:
         """Positions in space."""
         where = places(records, self.setup, transform(self.theta[-6:]))
-        left = [record.left or place.why for record, place in zip(records, where, strict=True)]
-        usable = [i for i, why in enumerate(left) if not why]
-        done = dict(zip(usable, self._poses([records[i] for i in usable], [where[i] for i in usable]), strict=True))
-        return [done.get(i) or Corrected(record, why=left[i]) for i, record in enumerate(records)]
+        reasons = [record.why or place.why for record, place in zip(records, where, strict=True)]
+        usable = [i for i, why in enumerate(reasons) if not why]
+        corrections = dict(
+            zip(usable, self._poses([records[i] for i in usable], [where[i] for i in usable]), strict=True)
+        )
+        return [corrections.get(i) or Corrected(record, why=reasons[i]) for i, record in enumerate(records)]
 
     def _poses(self, records: Sequence[Record], where: Sequence[Place]) -> list[Corrected]:
         if not records:
             return []
         pairs = list(zip(records, where, strict=True))
-        wanted = np.array([place.base_T_tip(frame_T_tool(record, record.values)) for record, place in pairs])
+        goal = np.array([place.base_T_tip(frame_T_tool(record, record.values)) for record, place in pairs])
         open_ = self.setup.near is None and self.setup.posture == "flags"
-        chosen = self.chooser.choose(
-            transform(self.theta[:6]) @ wanted,
+        choices = self.chooser.choose(
+            transform(self.theta[:6]) @ goal,
             [self._fits(record.flags) for record in records],
             self.setup.near,
             [open_ and record.flags is None for record in records],
         )
-        result = self._compensate(wanted, np.array([choice.q for choice in chosen]))
+        result = self._compensate(goal, np.array([choice.q for choice in choices]))
         command = transform(result.command)
-        apart = self._apart(wanted, chosen, command) if open_ else np.zeros(len(records))
+        apart = self._apart(goal, choices, command) if open_ else np.zeros(len(records))
         after = self.chooser.postures(np.nan_to_num(result.q))
         still = [bool(self._fits(r.flags)(after.take(slice(i, i + 1)))[0]) for i, r in enumerate(records)]
         why = [
             _choice_why(choice, apart[i]) or result.why[i] or self._flags_why(still[i])
-            for i, choice in enumerate(chosen)
+            for i, choice in enumerate(choices)
         ]
         return [
-            Corrected(record, why=why[i], assumed=place.taken)
+            Corrected(record, why=why[i], assumed=place.assumptions)
             if why[i]
-            else self._moved(record, place, wanted[i], command[i], still[i])
+            else self._moved(record, place, goal[i], command[i], still[i])
             for i, (record, place) in enumerate(pairs)
         ]
 
     def _apart(
         self,
-        wanted: Float[np.ndarray, "records 4 4"],
-        chosen: Sequence[Choice],
+        goal: Float[np.ndarray, "records 4 4"],
+        choices: Sequence[Choice],
         command: Float[np.ndarray, "records 4 4"],
     ) -> Float[np.ndarray, " records"]:
         """How far apart [mm] the commands are that the other postures would get, of those that fit as well."""
-        owner = [i for i, choice in enumerate(chosen) for _ in choice.others]
-        apart = np.zeros(len(chosen))
+        owner = [i for i, choice in enumerate(choices) for _ in choice.others]
+        apart = np.zeros(len(choices))
         if owner:
-            others = self._compensate(wanted[owner], np.array([q for choice in chosen for q in choice.others]))
+            others = self._compensate(goal[owner], np.array([q for choice in choices for q in choice.others]))
             way = np.linalg.norm(others.command[:, :3] - command[owner, :3, 3], axis=1)
             np.maximum.at(apart, owner, np.where(others.corrected, way, 0.0))
         return apart
@@ -122,26 +124,26 @@ class _Work:
         near = euler_near if record.kind == "euler" else quaternion_near
         values = np.concatenate([T[:3, 3], near(T[:3, :3], record.values[3:])])
         notes = () if still else (f"{record.name}: {_CROSSED}",)
-        return Corrected(record, values, after[:3, 3] - before[:3, 3], notes=notes, assumed=place.taken)
+        return Corrected(record, values, after[:3, 3] - before[:3, 3], notes=notes, assumed=place.assumptions)
 
     def joints(self, records: Sequence[Record]) -> list[Corrected]:
         """Positions of the joints."""
         count = len(self.robot.joints)
-        left = [record.left or _count_why(record, count) for record in records]
-        usable = [i for i, why in enumerate(left) if not why]
+        reasons = [record.why or _count_why(record, count) for record in records]
+        usable = [i for i, why in enumerate(reasons) if not why]
         if not usable:
-            return [Corrected(record, why=why) for record, why in zip(records, left, strict=True)]
+            return [Corrected(record, why=why) for record, why in zip(records, reasons, strict=True)]
         scale = np.array([np.ones(count) if records[i].per_degree is None else records[i].per_degree for i in usable])
         q = self.robot.from_controller(np.array([records[i].values for i in usable]) / scale)
         T = inverse(transform(self.theta[:6])) @ tip_transform(self.calibration, q, self.theta)
         result = self._compensate(T, q)
         values, inside = self.robot.to_controller(result.q) * scale, within(self.robot, q)
         move = result.command[:, :3] - T[:, :3, 3]
-        done = dict[int, Corrected]()
+        corrections = dict[int, Corrected]()
         for k, i in enumerate(usable):
             why = result.why[k] if inside[k] else "joint limit: it stands beyond the limits of the model"
-            done[i] = Corrected(records[i], why=why) if why else Corrected(records[i], values[k], move[k])
-        return [done.get(i) or Corrected(record, why=left[i]) for i, record in enumerate(records)]
+            corrections[i] = Corrected(records[i], why=why) if why else Corrected(records[i], values[k], move[k])
+        return [corrections.get(i) or Corrected(record, why=reasons[i]) for i, record in enumerate(records)]
 
     def _compensate(self, base_T_tip: np.ndarray, q: np.ndarray) -> Compensation:
         return compensate(
@@ -172,8 +174,8 @@ def _choice_why(choice: Choice, apart: float) -> str:
 
 
 def _count_why(record: Record, count: int) -> str:
-    found = len(record.numbers)
-    return "" if found == count else f"joints: it has {found}, the robot of the calibration {count}"
+    present = len(record.numbers)
+    return "" if present == count else f"joints: it has {present}, the robot of the calibration {count}"
 
 
 def _all(postures: Postures) -> Bool[np.ndarray, " solutions"]:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from identify.programs.numbers import NUMBER, Number, number
-from identify.programs.records import Found, Maker, Mention, Postures, Record, Ref
+from identify.programs.records import Maker, Mention, Positions, Postures, Record, Ref
 from identify.programs.setup import Setup
 from identify.programs.source import Scanner, Source
 
@@ -49,12 +49,12 @@ class Group:
     untaught: bool = False
 
 
-def find(sources: Sequence[Source], setup: Setup) -> list[Found]:
+def find(sources: Sequence[Source], setup: Setup) -> list[Positions]:
     """The positions of programs; refuses a broken one."""
     return [_find(source, setup) for source in sources]
 
 
-def _find(source: Source, setup: Setup) -> Found:
+def _find(source: Source, setup: Setup) -> Positions:
     if not re.match(r"(\xef\xbb\xbf)?\s*/PROG\b", source.text, re.IGNORECASE):
         source.fail(0, f"found {source.near(0)}, expected /PROG: not a FANUC program as text")
     start = re.search(r"^\s*/POS\b[^\n]*", source.text, re.MULTILINE)
@@ -68,7 +68,7 @@ def _find(source: Source, setup: Setup) -> Found:
     for name, line, groups in _positions(Scanner(source, start.end())):
         records += [_record(name, line, g, incremental, coordinated) for g in groups if g.number == setup.group]
         others |= {g.number for g in groups} - {setup.group}
-    return Found(
+    return Positions(
         tuple(records),
         (*_mentions(source, motions), *_groups(source, others)),
         _used(source.text[: start.start()].partition("/MN")[2]),
@@ -87,38 +87,38 @@ def _positions(scan: Scanner) -> Iterator[tuple[str, int, list[Group]]]:
         head = scan.need(r"P\[\s*(\d+)\s*(:\s*\"[^\"\n]*\"\s*)?\]\s*\{", "a position P[n]{ or /END")
         groups = list[Group]()
         while not scan.take(r"\}\s*;"):
-            found = scan.need(r"GP(\d+)\s*:", "GPn: or };")
-            groups.append(_group(scan, Group(int(found[1]), found.start())))
+            match = scan.need(r"GP(\d+)\s*:", "GPn: or };")
+            groups.append(_group(scan, Group(int(match[1]), match.start())))
         yield head[1], scan.source.line(head.start()), groups
 
 
 def _group(scan: Scanner, group: Group) -> Group:
     """Frame, tool, posture and numbers of one group."""
     group.fields = {}
-    if found := scan.take(r"UF\s*:\s*(\d+|F)\s*,?"):
-        group.frame = found[1]
-    if found := scan.take(r"UT\s*:\s*(\d+|F)\s*,?"):
-        group.tool = found[1]
-    if found := scan.take(r"CONFIG\s*:\s*'"):
+    if match := scan.take(r"UF\s*:\s*(\d+|F)\s*,?"):
+        group.frame = match[1]
+    if match := scan.take(r"UT\s*:\s*(\d+|F)\s*,?"):
+        group.tool = match[1]
+    if scan.take(r"CONFIG\s*:\s*'"):
         group.config = _config(scan)
-    while found := scan.take(FIELD):
-        value = scan.need(VALUE, f"a number for {found[1]}")
+    while match := scan.take(FIELD):
+        value = scan.need(VALUE, f"a number for {match[1]}")
         if "*" in value[1]:
             group.untaught = True
-        elif found[1] in group.fields:
-            scan.source.fail(found.start(), f"{found[1]} stands twice in one position")
+        elif match[1] in group.fields:
+            scan.source.fail(match.start(), f"{match[1]} stands twice in one position")
         else:
-            group.fields[found[1]] = number(value, 1, padded=True)
+            group.fields[match[1]] = number(value, 1, padded=True)
         scan.take(",")
     if not group.fields and not group.untaught:
-        scan.source.fail(scan.at, f"found {scan.source.near(scan.at)}, expected X = or J1=")
+        scan.source.fail(scan.at, f"match {scan.source.near(scan.at)}, expected X = or J1=")
     return group
 
 
 def _config(scan: Scanner) -> Config | None:
     """The posture between quotation marks; None for one of a robot of another build."""
-    found = scan.need(r"([^'\n]*)'\s*,?", "a posture such as 'N U T, 0, 0, 0'")
-    words = found[1].replace(",", " ").split()
+    match = scan.need(r"([^'\n]*)'\s*,?", "a posture such as 'N U T, 0, 0, 0'")
+    words = match[1].replace(",", " ").split()
     letters, turns = [w for w in words if w.isalpha()], [w for w in words if re.fullmatch(r"-?\d+", w)]
     if len(letters) != 3 or letters[0] not in "NF" or letters[1] not in "UD" or letters[2] not in "TB":
         return None
@@ -129,17 +129,17 @@ def _record(index: str, line: int, group: Group, incremental: set[str], coordina
     """The record of the robot's group."""
     fields = group.fields or {}
     joints = [fields[f"J{i}"] for i in range(1, 10) if f"J{i}" in fields]
-    left = "not taught: its numbers are stars" if group.untaught else ""
-    left = left or ("incremental: it is used with INC" if index in incremental else "")
-    left = left or ("coordinated: its frame moves with another motion group" if index in coordinated else "")
+    reason = "not taught: its numbers are stars" if group.untaught else ""
+    reason = reason or ("incremental: it is used with INC" if index in incremental else "")
+    reason = reason or ("coordinated: its frame moves with another motion group" if index in coordinated else "")
     if joints:
-        return Record(f"P[{index}]", line, "joints", tuple(joints), left=left)
+        return Record(f"P[{index}]", line, "joints", tuple(joints), why=reason)
     missing = [name for name in POSE if name not in fields]
-    left = left or (f"missing: no {', '.join(missing)}" if missing else "")
-    numbers = () if left else tuple(fields[name] for name in POSE)
+    reason = reason or (f"missing: no {', '.join(missing)}" if missing else "")
+    numbers = () if reason else tuple(fields[name] for name in POSE)
     frame = Ref("", np.eye(4)) if group.frame == "0" else Ref("" if group.frame == "F" else group.frame)
     tool = Ref("", np.eye(4)) if group.tool == "0" else Ref("" if group.tool == "F" else group.tool)
-    return Record(f"P[{index}]", line, "euler", numbers, frame, tool, group.config, left)
+    return Record(f"P[{index}]", line, "euler", numbers, frame, tool, group.config, reason)
 
 
 def _mentions(source: Source, motions: Sequence[re.Match[str]]) -> Iterator[Mention]:

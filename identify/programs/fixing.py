@@ -18,7 +18,7 @@ from jaxtyping import Float
 from identify.model.io.calibration_file import Calibration
 from identify.programs.correction import Corrected, correct
 from identify.programs.makers import maker_of
-from identify.programs.records import Found, Maker, Mention
+from identify.programs.records import Maker, Mention, Positions
 from identify.programs.setup import Setup
 from identify.programs.source import Source, source_of
 from identify.programs.writing import faithful, replaced, replacements, skeleton
@@ -34,9 +34,9 @@ class Fixed:
     before: bytes
     after: bytes
     shift: Float[np.ndarray, " corrected"]  # [mm], of the positions corrected
-    left: tuple[Mention, ...]  # positions that cannot be corrected, and why
+    failures: tuple[Mention, ...]  # positions that cannot be corrected, and why
     whole: bool  # whether its path was corrected; a path is left as it is where a point of it cannot be corrected
-    held: int  # positions that could be corrected, and stay as they were with the path
+    unchanged: int  # positions that could be corrected, and stay as they were with the path
     step: float  # [mm], largest between the corrections of neighbouring positions
     assumed: tuple[str, ...]  # frames and tools that the program does not say and no table names
     mentions: tuple[Mention, ...]  # what else a reader should know
@@ -51,7 +51,7 @@ class Fixed:
     @property
     def reasons(self) -> dict[str, int]:
         """How many positions were left alone, by what stands before the first colon of the reason."""
-        return dict(Counter(mention.why.split(":")[0] for mention in self.left).most_common())
+        return dict(Counter(mention.why.split(":")[0] for mention in self.failures).most_common())
 
 
 class NotFaithful(RuntimeError):
@@ -69,16 +69,23 @@ def fix(calibration: Calibration, programs: Mapping[str, bytes], setup: Setup | 
         setup, joints=replace(setup.joints, pulses=setup.joints.pulses or calibration.cell.robot.counting.pulses)
     )
     sources = {name: source_of(name, content) for name, content in programs.items()}
-    found = _find(sources, setup)
-    able = {name: correct(calibration, found[name].records, maker_of(name), setup) for name in sources}
-    stopped = {_path(name) for name in sources for one in able[name] if _stops(one, found[name])}
-    stopped |= {_path(name) for name in sources if _absent(found[name])}
-    done = {name: [_held(one) for one in able[name]] if _path(name) in stopped else able[name] for name in sources}
-    texts = {name: Source(name, _corrected(source, done[name], maker_of(name))) for name, source in sources.items()}
+    positions = _find(sources, setup)
+    able = {name: correct(calibration, positions[name].records, maker_of(name), setup) for name in sources}
+    stopped = {_path(name) for name in sources for one in able[name] if _stops(one, positions[name])}
+    stopped |= {_path(name) for name in sources if _absent(positions[name])}
+    corrections = {
+        name: [_held(one) for one in able[name]] if _path(name) in stopped else able[name] for name in sources
+    }
+    texts = {
+        name: Source(name, _corrected(source, corrections[name], maker_of(name))) for name, source in sources.items()
+    }
     again = _find(texts, setup)
     for name in sources:
-        _check(sources[name], texts[name], done[name], found[name], again[name], maker_of(name))
-    return [_fixed(sources[name], texts[name], done[name], found[name], _path(name) not in stopped) for name in sources]
+        _check(sources[name], texts[name], corrections[name], positions[name], again[name], maker_of(name))
+    return [
+        _fixed(sources[name], texts[name], corrections[name], positions[name], _path(name) not in stopped)
+        for name in sources
+    ]
 
 
 def _path(name: str) -> str:
@@ -86,14 +93,14 @@ def _path(name: str) -> str:
     return Path(name).stem.lower() if maker_of(name).pairs else name
 
 
-def _stops(one: Corrected, found: Found) -> bool:
+def _stops(one: Corrected, positions: Positions) -> bool:
     """Whether a position leaves its path as it is."""
-    return bool(one.why) and (found.used is None or one.record.name in found.used)
+    return bool(one.why) and (positions.destinations is None or one.record.name in positions.destinations)
 
 
-def _absent(found: Found) -> list[str]:
+def _absent(positions: Positions) -> list[str]:
     """Positions that motions go to, and that the program does not hold."""
-    return sorted((found.used or frozenset()).difference(record.name for record in found.records))
+    return sorted((positions.destinations or frozenset()).difference(record.name for record in positions.records))
 
 
 def _held(one: Corrected) -> Corrected:
@@ -101,43 +108,52 @@ def _held(one: Corrected) -> Corrected:
     return one if one.why else replace(one, values=None, move=None)
 
 
-def _find(sources: Mapping[str, Source], setup: Setup) -> dict[str, Found]:
+def _find(sources: Mapping[str, Source], setup: Setup) -> dict[str, Positions]:
     """The positions of all programs; those of one maker are read together, for they declare things for one another."""
-    found, together = dict[str, Found](), dict[str, list[str]]()
+    positions, together = dict[str, Positions](), dict[str, list[str]]()
     for name in sources:
         together.setdefault(maker_of(name).name, []).append(name)
     for names in together.values():
-        read: Sequence[Found] = maker_of(names[0]).find([sources[name] for name in names], setup)
-        found |= dict(zip(names, read, strict=True))
-    return found
+        read: Sequence[Positions] = maker_of(names[0]).find([sources[name] for name in names], setup)
+        positions |= dict(zip(names, read, strict=True))
+    return positions
 
 
-def _corrected(source: Source, done: Sequence[Corrected], maker: Maker) -> str:
-    return replaced(source.text, [change for one in done for change in replacements(one, maker)])
+def _corrected(source: Source, corrections: Sequence[Corrected], maker: Maker) -> str:
+    return replaced(source.text, [change for one in corrections for change in replacements(one, maker)])
 
 
-def _check(before: Source, after: Source, done: Sequence[Corrected], found: Found, again: Found, maker: Maker) -> None:
+def _check(
+    before: Source,
+    after: Source,
+    corrections: Sequence[Corrected],
+    positions: Positions,
+    again: Positions,
+    maker: Maker,
+) -> None:
     """Raise NotFaithful where the corrected program is not the old one with other numbers."""
-    same = skeleton(before.text, found.records) == skeleton(after.text, again.records)
-    if not same or not all(faithful(one, record, maker) for one, record in zip(done, again.records, strict=True)):
+    same = skeleton(before.text, positions.records) == skeleton(after.text, again.records)
+    if not same or not all(
+        faithful(one, record, maker) for one, record in zip(corrections, again.records, strict=True)
+    ):
         raise NotFaithful(f"{before.name}: the corrected program does not read back as it should; nothing was written")
 
 
-def _fixed(before: Source, after: Source, done: Sequence[Corrected], found: Found, whole: bool) -> Fixed:
-    left = tuple(Mention(before.name, one.record.line, one.record.name, one.why) for one in done if one.why)
-    left += tuple(Mention(before.name, 0, name, ABSENT) for name in _absent(found))
-    moves = [one.move for one in done if one.move is not None]
+def _fixed(before: Source, after: Source, corrections: Sequence[Corrected], positions: Positions, whole: bool) -> Fixed:
+    failures = tuple(Mention(before.name, one.record.line, one.record.name, one.why) for one in corrections if one.why)
+    failures += tuple(Mention(before.name, 0, name, ABSENT) for name in _absent(positions))
+    moves = [one.move for one in corrections if one.move is not None]
     steps = np.linalg.norm(np.diff(moves, axis=0), axis=1) if len(moves) > 1 else np.zeros(1)
-    notes = dict.fromkeys(note for one in done for note in one.notes)
+    notes = dict.fromkeys(note for one in corrections for note in one.notes)
     return Fixed(
         before.name,
         before.text.encode("latin-1"),
         after.text.encode("latin-1"),
-        np.array([one.shift for one in done if one.values is not None]),
-        left,
+        np.array([one.shift for one in corrections if one.values is not None]),
+        failures,
         whole,
-        sum(one.values is None and not one.why for one in done),
+        sum(one.values is None and not one.why for one in corrections),
         float(steps.max()),
-        tuple(dict.fromkeys(text for one in done for text in one.assumed)),
-        (*dict.fromkeys(found.mentions), *(Mention(before.name, 0, "", note) for note in notes)),
+        tuple(dict.fromkeys(text for one in corrections for text in one.assumed)),
+        (*dict.fromkeys(positions.mentions), *(Mention(before.name, 0, "", note) for note in notes)),
     )

@@ -18,7 +18,7 @@ class Place:
     base_T_frame: Float[np.ndarray, "4 4"]
     tip_T_tool: Float[np.ndarray, "4 4"]  # from the cell's tip to the program's, both as the controller has them
     why: str = ""  # why it is not known
-    taken: tuple[str, ...] = ()  # what was assumed
+    assumptions: tuple[str, ...] = ()  # what was assumed
 
     def base_T_tip(self, frame_T_tool: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, "4 4"]:
         """The cell's tip in the base, of a position in the program."""
@@ -39,19 +39,21 @@ def places(records: Sequence[Record], setup: Setup, flange_T_tip: Float[np.ndarr
 
 
 def _place(record: Record, setup: Setup, flange_T_tip: Float[np.ndarray, "4 4"]) -> Place:
-    frame, why_frame, taken_frame = _look_up(record.frame, setup.frames, "frame", "the robot's base")
-    tool, why_tool, taken_tool = _look_up(record.tool, setup.tools, "tool", "the cell's tool")
+    frame, why_frame, assumed_frame = _look_up(record.frame, setup.frames, "frame", "the robot's base")
+    tool, why_tool, assumed_tool = _look_up(record.tool, setup.tools, "tool", "the cell's tool")
     tip_T_tool = np.eye(4) if tool is None else inverse(flange_T_tip) @ tool
-    return Place(np.eye(4) if frame is None else frame, tip_T_tool, why_frame or why_tool, (*taken_frame, *taken_tool))
+    return Place(
+        np.eye(4) if frame is None else frame, tip_T_tool, why_frame or why_tool, (*assumed_frame, *assumed_tool)
+    )
 
 
 def _look_up(
     ref: Ref, table: Mapping[str, Float[np.ndarray, "4 4"]], what: str, default: str
 ) -> tuple[Float[np.ndarray, "4 4"] | None, str, tuple[str, ...]]:
     """A frame or tool, why it is not known, and what is assumed; none stands for the default."""
-    known = {name.lower(): T for name, T in table.items()}
-    if ref.name and ref.name.lower() in known:
-        return known[ref.name.lower()], "", ()
+    frames = {name.lower(): T for name, T in table.items()}
+    if ref.name and ref.name.lower() in frames:
+        return frames[ref.name.lower()], "", ()
     if ref.T is not None or not ref.name:
         return ref.T, "", ()
     if table:

@@ -15,7 +15,7 @@ from jaxtyping import Bool
 from identify.programs.kuka_frames import FORGOTTEN, Uses, uses
 from identify.programs.kuka_values import Component, Structure, structures
 from identify.programs.numbers import Number
-from identify.programs.records import Found, Maker, Mention, Postures, Record, Ref
+from identify.programs.records import Maker, Mention, Positions, Postures, Record, Ref
 from identify.programs.setup import Setup
 from identify.programs.source import Source, blanked
 
@@ -27,13 +27,13 @@ ACCURATE = 16  # the bit of S
 EITHER = 2.0  # [deg] around zero, where the controller takes either sign (reported by users)
 
 
-def find(sources: Sequence[Source], setup: Setup) -> list[Found]:
+def find(sources: Sequence[Source], setup: Setup) -> list[Positions]:
     """The positions of programs; refuses a broken one. Files of one name belong together."""
     views = [blanked(source.text, r";[^\r\n]*|^[ \t]*&[^\r\n]*", r'"[^"\r\n]*"') for source in sources]
     for source, view in zip(sources, views, strict=True):
         _whole(source, view)
-    held = [structures(source, view) for source, view in zip(sources, views, strict=True)]
-    return [_find(i, sources, views, held) for i in range(len(sources))]
+    ownby_file = [structures(source, view) for source, view in zip(sources, views, strict=True)]
+    return [_find(i, sources, views, ownby_file) for i in range(len(sources))]
 
 
 def _whole(source: Source, view: str) -> None:
@@ -46,38 +46,40 @@ def _whole(source: Source, view: str) -> None:
         source.fail(len(source.text), f"{begin[2].upper()} without {end}; is the file cut short?")
 
 
-def _find(which: int, sources: Sequence[Source], views: Sequence[str], held: Sequence[Sequence[Structure]]) -> Found:
-    source, view, mine = sources[which], views[which], held[which]
+def _find(
+    which: int, sources: Sequence[Source], views: Sequence[str], ownby_file: Sequence[Sequence[Structure]]
+) -> Positions:
+    source, view, mine = sources[which], views[which], ownby_file[which]
     stem = Path(source.name).stem.lower()
     together = [i for i, other in enumerate(sources) if Path(other.name).stem.lower() == stem]
-    used = uses([(views[i], held[i]) for i in together])
-    types = {name: kind for i in together for name, kind in _types(held[i], views[i])}
+    usage = uses([(views[i], ownby_file[i]) for i in together])
+    types = {name: kind for i in together for name, kind in _types(ownby_file[i], views[i])}
     places = uses([(view, mine)])  # inline positions: what holds in this very file
-    records = [r for s in mine if (r := _record(source, view, s, types, used, places)) is not None]
-    return Found(tuple(records), tuple(_mentions(source, view)))
+    records = [r for s in mine if (r := _record(source, view, s, types, usage, places)) is not None]
+    return Positions(tuple(records), tuple(_mentions(source, view)))
 
 
-def _types(held: Sequence[Structure], view: str) -> Iterator[tuple[str, str]]:
-    for structure in held:
+def _types(own: Sequence[Structure], view: str) -> Iterator[tuple[str, str]]:
+    for structure in own:
         kind, name = _declared(view, structure)
         if kind:
             yield name, kind
-    for found in re.finditer(r"\bDECL\s+(?:GLOBAL\s+)?(E6POS|POS|FRAME|E6AXIS|AXIS)\s+(\w+)", view, re.IGNORECASE):
-        yield found[2].upper(), found[1].upper()
+    for match in re.finditer(r"\bDECL\s+(?:GLOBAL\s+)?(E6POS|POS|FRAME|E6AXIS|AXIS)\s+(\w+)", view, re.IGNORECASE):
+        yield match[2].upper(), match[1].upper()
 
 
 def _declared(view: str, structure: Structure) -> tuple[str, str]:
     """The type, where it is written, and the name that a structure is given to."""
     line = view[view.rfind("\n", 0, structure.start) + 1 : structure.start]
-    found = DECLARED.search(line)
-    if found is None:
+    match = DECLARED.search(line)
+    if match is None:
         return "", ""
-    kind = (found[1] or "").upper()
-    return kind if kind in POSES | AXIS | {"FRAME", "FDAT"} else "", found[2].upper()
+    kind = (match[1] or "").upper()
+    return kind if kind in POSES | AXIS | {"FRAME", "FDAT"} else "", match[2].upper()
 
 
 def _record(
-    source: Source, view: str, structure: Structure, types: dict[str, str], used: Uses, here: Uses
+    source: Source, view: str, structure: Structure, types: dict[str, str], usage: Uses, here: Uses
 ) -> Record | None:
     """The position that a structure is; nothing for a structure of another kind."""
     kind, name = _declared(view, structure)
@@ -94,26 +96,26 @@ def _record(
         kind = "POS"
     if kind in AXIS:
         return _joints(source, structure, name)
-    taught = kind == "FRAME" and name in used.taught
+    taught = kind == "FRAME" and name in usage.taught
     if kind not in POSES and not taught:
         return None
-    place = used.of(name) if name in used.named or name in used.taught else here.at(structure.start)
+    place = usage.of(name) if name in usage.named or name in usage.taught else here.at(structure.start)
     return _pose(source, structure, name, place)
 
 
 def _joints(source: Source, structure: Structure, name: str) -> Record:
-    numbers, left = _numbers(structure.components, AXES)
-    return Record(name, source.line(structure.start), "joints", numbers, left=left)
+    numbers, reason = _numbers(structure.components, AXES)
+    return Record(name, source.line(structure.start), "joints", numbers, why=reason)
 
 
 def _pose(source: Source, structure: Structure, name: str, place: tuple[Ref, Ref, str]) -> Record:
     base, tool, why = place
-    numbers, left = _numbers(structure.components, POSE)
+    numbers, reason = _numbers(structure.components, POSE)
     status, turn = (structure.components.get(key, Component("")).integer for key in ("S", "T"))
     if status is not None and status & ACCURATE:
-        left = left or "absolute accuracy: bit 4 of S says that the robot's own model has corrected it already"
+        reason = reason or "absolute accuracy: bit 4 of S says that the robot's own model has corrected it already"
     flags = None if status is None and turn is None else (status, turn)
-    return Record(name, source.line(structure.start), "euler", numbers, base, tool, flags, left or why)
+    return Record(name, source.line(structure.start), "euler", numbers, base, tool, flags, reason or why)
 
 
 def _numbers(parts: dict[str, Component], names: Sequence[str]) -> tuple[tuple[Number, ...], str]:
@@ -129,19 +131,19 @@ def _numbers(parts: dict[str, Component], names: Sequence[str]) -> tuple[tuple[N
 
 def _mentions(source: Source, view: str) -> Iterator[Mention]:
     """Relative motions, and positions that the program shifts while it runs."""
-    for found in re.finditer(r"[^\r\n]+", view):
-        line, motion = source.line(found.start()), MOTION.match(found[0])
+    for match in re.finditer(r"[^\r\n]+", view):
+        line, motion = source.line(match.start()), MOTION.match(match[0])
         if motion and motion[2]:
             yield Mention(source.name, line, motion[0].strip(), "incremental: it moves by a distance")
-        elif motion and re.search(r"[\w}\]]\s*:\s*[\w{]", found[0]):
+        elif motion and re.search(r"[\w}\]]\s*:\s*[\w{]", match[0]):
             yield Mention(
                 source.name, line, motion[0].strip(), "offset: the operator : shifts it by what is not corrected"
             )
-        elif shift := re.match(r"\s*(\w+)\.[XYZABC]\s*=(?!=)", found[0], re.IGNORECASE):
+        elif shift := re.match(r"\s*(\w+)\.[XYZABC]\s*=(?!=)", match[0], re.IGNORECASE):
             yield Mention(source.name, line, shift[1], "offset: a component is changed while the program runs")
-        elif motion is None and re.match(rf"\s*\$(BASE|TOOL)\s*=(?!=)\s*{FORGOTTEN}", found[0], re.IGNORECASE):
+        elif motion is None and re.match(rf"\s*\$(BASE|TOOL)\s*=(?!=)\s*{FORGOTTEN}", match[0], re.IGNORECASE):
             yield Mention(
-                source.name, line, found[0].split("=")[0].strip(), "frame: it is computed while the program runs"
+                source.name, line, match[0].split("=")[0].strip(), "frame: it is computed while the program runs"
             )
 
 

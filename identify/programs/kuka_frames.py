@@ -34,11 +34,11 @@ class Uses:
         plain = name.split("[")[0]
         if name in self.taught:
             return self.taught[name]
-        found = self.named.get(name, self.named.get(plain, []))
-        if not found:
+        entries = self.named.get(name, self.named.get(plain, []))
+        if not entries:
             return DEFAULT
-        first = found[0]
-        if any(not _alike(first, other) for other in found):
+        first = entries[0]
+        if any(not _alike(first, other) for other in entries):
             return (*first[:2], "frame: it is used with more than one base or tool")
         return first
 
@@ -51,9 +51,9 @@ class Uses:
 def uses(files: Sequence[tuple[str, Sequence[Structure]]]) -> Uses:
     """What files that belong together say about tools and bases."""
     taught, named, steps = dict[str, Place](), dict[str, list[Place]](), list[tuple[int, Place]]()
-    for view, held in files:
-        taught |= _taught(view, held)
-        steps = _steps(view, held)
+    for view, structures in files:
+        taught |= _taught(view, structures)
+        steps = _steps(view, structures)
         states = Uses({}, {}, steps)
         for motion in MOVES.finditer(view):
             for name in re.findall(r"(?<![\w$#])([A-Za-z_]\w*(?:\[\s*\d+\s*\])?)", re.sub(r"\{[^}]*\}", "", motion[1])):
@@ -61,10 +61,10 @@ def uses(files: Sequence[tuple[str, Sequence[Structure]]]) -> Uses:
     return Uses(taught, named, steps)
 
 
-def _taught(view: str, held: Sequence[Structure]) -> dict[str, Place]:
+def _taught(view: str, structures: Sequence[Structure]) -> dict[str, Place]:
     """What the structures FP1 say of positions XP1."""
-    found = dict[str, Place]()
-    for structure in held:
+    places = dict[str, Place]()
+    for structure in structures:
         name = re.search(
             r"\bFDAT\s+F(\w+)\s*=\s*$", view[max(0, structure.start - 200) : structure.start], re.IGNORECASE
         )
@@ -74,8 +74,8 @@ def _taught(view: str, held: Sequence[Structure]) -> dict[str, Place]:
         tool, base = (parts[key].integer if key in parts else None for key in ("TOOL_NO", "BASE_NO"))
         frame = parts["IPO_FRAME"].text.upper() if "IPO_FRAME" in parts else "#BASE"
         why = "" if frame == "#BASE" else "frame: the tool stands still and the robot holds the work (#TCP)"
-        found[f"X{name[1].upper()}"] = (_numbered(base), _numbered(tool), why)
-    return found
+        places[f"X{name[1].upper()}"] = (_numbered(base), _numbered(tool), why)
+    return places
 
 
 def _numbered(index: int | None) -> Ref:
@@ -83,10 +83,10 @@ def _numbered(index: int | None) -> Ref:
     return Ref("", np.eye(4)) if index == 0 else Ref() if index is None or index < 0 else Ref(str(index))
 
 
-def _steps(view: str, held: Sequence[Structure]) -> list[tuple[int, Place]]:
+def _steps(view: str, structures: Sequence[Structure]) -> list[tuple[int, Place]]:
     """What holds from which place on."""
     changes = [(m.start(), m[1].upper(), _numbered(int(m[2])), "") for m in BAS.finditer(view)]
-    at_start = {structure.start: structure for structure in held}
+    at_start = {structure.start: structure for structure in structures}
     for at, name, value in assigned(view):
         if name in {"$BASE", "$TOOL"}:
             ref = _literal(view, at, value, at_start)

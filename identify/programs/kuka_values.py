@@ -20,10 +20,10 @@ class Component:
     @property
     def integer(self) -> int | None:
         """What a whole number says, written as 35, 'B100011' or 'H23'."""
-        found = INTEGER.fullmatch(self.text.strip())
-        if found is None:
+        match = INTEGER.fullmatch(self.text.strip())
+        if match is None:
             return None
-        return int(found[1] or found[2] or found[3], 2 if found[1] else 16 if found[2] else 10)
+        return int(match[1] or match[2] or match[3], 2 if match[1] else 16 if match[2] else 10)
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,19 @@ class Structure:
 
 def structures(source: Source, view: str) -> list[Structure]:
     """The outermost structures of a program; refuses one that does not close in its line."""
-    found, at = list[Structure](), 0
+    items, at = list[Structure](), 0
     while (at := view.find("{", at)) >= 0:
         structure = _structure(Scanner(source, at, view))
-        found.append(structure)
+        items.append(structure)
         at = structure.end
-    if (stray := _stray(view, found)) is not None:
+    if (stray := _stray(view, items)) is not None:
         source.fail(stray, "a '}' that nothing has opened")
-    return found
+    return items
 
 
-def _stray(view: str, found: list[Structure]) -> int | None:
+def _stray(view: str, structures: list[Structure]) -> int | None:
     """The first closing brace outside of all structures."""
-    edges = [0, *(edge for s in found for edge in (s.start, s.end)), len(view)]
+    edges = [0, *(edge for s in structures for edge in (s.start, s.end)), len(view)]
     outside = zip(edges[::2], edges[1::2], strict=True)
     return next((at for a, b in outside if (at := view.find("}", a, b)) >= 0), None)
 
@@ -86,5 +86,5 @@ def _value(scan: Scanner) -> Component:
 
 def assigned(view: str) -> Iterator[tuple[int, str, str]]:
     """Statements NAME = ... that are not in a declaration: place, name, and the right-hand side."""
-    for found in re.finditer(r"^[ \t]*(\$?\w+)[ \t]*=(?!=)[ \t]*([^\r\n]*)", view, re.MULTILINE):
-        yield found.start(), found[1].upper(), found[2].strip()
+    for match in re.finditer(r"^[ \t]*(\$?\w+)[ \t]*=(?!=)[ \t]*([^\r\n]*)", view, re.MULTILINE):
+        yield match.start(), match[1].upper(), match[2].strip()

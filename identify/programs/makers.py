@@ -22,6 +22,6 @@ def maker_of(name: str) -> Maker:
     """Who writes files of this name; raises InputError where nobody does."""
     maker = MAKERS.get(Path(name).suffix.lower())
     if maker is None:
-        known = ", ".join(f"{suffix} ({maker.name})" for suffix, maker in MAKERS.items())
-        raise InputError([Mistake(name, 0, f"not a program of a maker that is known; known endings: {known}")])
+        formats = ", ".join(f"{suffix} ({maker.name})" for suffix, maker in MAKERS.items())
+        raise InputError([Mistake(name, 0, f"not a program of a maker that is known; known endings: {formats}")])
     return maker

@@ -55,16 +55,16 @@ class Chooser:
         pool = [[q] if ok else [] for q, ok in zip(first, reached, strict=True)]
         self._more(pool, T, np.flatnonzero(reached), _flipped(first[reached]))
         goal = self.middle if near is None else near
-        found = self._choices(pool, fits, goal)
-        open_ = np.array([i for i, choice in enumerate(found) if thorough[i] or not choice.fits], dtype=int)
+        choices = self._choices(pool, fits, goal)
+        open_ = np.array([i for i, choice in enumerate(choices) if thorough[i] or not choice.fits], dtype=int)
         rng, robot = np.random.default_rng(0), self.kinematics.robot
         for _ in range(DRAWS if len(open_) else 0):
             self._more(pool, T, open_, rng.uniform(robot.lower, robot.upper, (len(open_), len(goal))))
         for i, choice in zip(
             open_, self._choices([pool[i] for i in open_], [fits[i] for i in open_], goal), strict=True
         ):
-            found[i] = choice
-        return found
+            choices[i] = choice
+        return choices
 
     def postures(self, q: Float[np.ndarray, "solutions joints"]) -> Postures:
         """Joint values as the maker describes them."""
@@ -73,20 +73,20 @@ class Chooser:
 
     def _more(self, pool: list[list[np.ndarray]], T: np.ndarray, which: np.ndarray, start: np.ndarray) -> None:
         """Add what is found from other starts."""
-        found = reach(self.kinematics, self.theta, T[which, :3, 3], T[which, :3, :3], start)
-        for i, q, ok in zip(which, found.q, found.reached(), strict=True):
-            if ok and not any(np.abs(q - known).max() < SAME for known in pool[i]):
+        result = reach(self.kinematics, self.theta, T[which, :3, 3], T[which, :3, :3], start)
+        for i, q, ok in zip(which, result.q, result.reached(), strict=True):
+            if ok and not any(np.abs(q - other).max() < SAME for other in pool[i]):
                 pool[i].append(q)
 
     def _choices(self, pool: Sequence[list[np.ndarray]], fits: Sequence[Fits], goal: np.ndarray) -> list[Choice]:
         """For each position the nearest solution that fits, whole turns within the limits included."""
         nothing = np.empty((0, len(goal)))
-        turned = [_turns(self.kinematics.robot, np.array(found)) if found else nothing for found in pool]
-        postures = self.postures(np.concatenate([nothing, *turned]))
-        edges = np.cumsum([0, *map(len, turned)])
+        solutions = [_turns(self.kinematics.robot, np.array(joints)) if joints else nothing for joints in pool]
+        postures = self.postures(np.concatenate([nothing, *solutions]))
+        edges = np.cumsum([0, *map(len, solutions)])
         return [
             self._choice(q, fit(postures.take(slice(*edges[i : i + 2]))), goal)
-            for i, (q, fit) in enumerate(zip(turned, fits, strict=True))
+            for i, (q, fit) in enumerate(zip(solutions, fits, strict=True))
         ]
 
     def _choice(

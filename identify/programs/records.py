@@ -31,7 +31,7 @@ class Record:
     frame: Ref = field(default_factory=Ref)
     tool: Ref = field(default_factory=Ref)
     flags: Any = None  # how the maker writes the posture down
-    left: str = ""  # why it cannot be corrected
+    why: str = ""  # why it cannot be corrected
     per_degree: Float[np.ndarray, " joints"] | None = None  # of joints that are not written in degrees (pulses)
 
     @property
@@ -51,12 +51,12 @@ class Mention:
 
 
 @dataclass(frozen=True)
-class Found:
+class Positions:
     """The positions of one program, and what else is to be said about it."""
 
     records: tuple[Record, ...]
     mentions: tuple[Mention, ...] = ()
-    used: frozenset[str] | None = None  # names of the positions that motions go to; None: all
+    destinations: frozenset[str] | None = None  # names of the positions that motions go to; None: all
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class Maker:
     """How one maker writes programs; a row of MAKERS."""
 
     name: str
-    find: Callable[[Sequence[Source], Setup], list[Found]]  # refuses a broken file with line and column
+    find: Callable[[Sequence[Source], Setup], list[Positions]]  # refuses a broken file with line and column
     fits: Callable[[Any, Postures], Bool[np.ndarray, " solutions"]]  # which postures the flags allow
     decimals: Mapping[str, Sequence[int]]  # fewest, for each number of a kind of record
     coupled: bool = False  # whether joint 3 is shown against the horizontal, not against joint 2

@@ -13,20 +13,20 @@ from identify.programs.records import Maker, Record
 NOISE = 1e-5  # [mm] or [deg], below which a correction is rounding of the inverse kinematics and no reason to write
 
 
-def replacements(done: Corrected, maker: Maker) -> list[tuple[Number, str]]:
+def replacements(correction: Corrected, maker: Maker) -> list[tuple[Number, str]]:
     """The numbers of a position that change, and their new texts.
 
     A number that says the new value already, to its own precision, keeps its text; so does a whole orientation.
     """
-    record, values = done.record, done.values
+    record, values = correction.record, correction.values
     if values is None:
         return []
-    kept = [_same(number, value, least) for number, value, least in _triples(record, values, maker)]
+    numbers = [_same(number, value, least) for number, value, least in _triples(record, values, maker)]
     if record.kind != "joints" and _same_orientation(record, values, maker):
-        kept[3:] = [True] * len(kept[3:])
+        numbers[3:] = [True] * len(numbers[3:])
     return [
         (number, written(number, value, least, bare=maker.bare))
-        for keep, (number, value, least) in zip(kept, _triples(record, values, maker), strict=True)
+        for keep, (number, value, least) in zip(numbers, _triples(record, values, maker), strict=True)
         if not keep
     ]
 
@@ -47,9 +47,9 @@ def skeleton(text: str, records: Sequence[Record]) -> str:
     return replaced(text, ((number, "#") for number in wide))
 
 
-def faithful(done: Corrected, again: Record, maker: Maker) -> bool:
+def faithful(correction: Corrected, again: Record, maker: Maker) -> bool:
     """Whether a position read again says what it was to say, within the rounding of its decimals."""
-    record, values = done.record, done.record.values if done.values is None else done.values
+    record, values = correction.record, correction.record.values if correction.values is None else correction.values
     if (record.name, record.kind, len(record.numbers)) != (again.name, again.kind, len(again.numbers)):
         return False
     if not len(values):

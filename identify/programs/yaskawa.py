@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from identify.programs.numbers import NUMBER, Number, number
-from identify.programs.records import Found, Maker, Mention, Postures, Record, Ref
+from identify.programs.records import Maker, Mention, Positions, Postures, Record, Ref
 from identify.programs.setup import Setup
 from identify.programs.source import Source
 
@@ -35,12 +35,12 @@ class Header:
     config: tuple[int, ...] = ()
 
 
-def find(sources: Sequence[Source], setup: Setup) -> list[Found]:
+def find(sources: Sequence[Source], setup: Setup) -> list[Positions]:
     """The positions of jobs; refuses a broken one."""
     return [_find(source, setup) for source in sources]
 
 
-def _find(source: Source, setup: Setup) -> Found:
+def _find(source: Source, setup: Setup) -> Positions:
     lines = list(re.finditer(r"[^\r\n]*\S[^\r\n]*", source.text))
     names = [line[0].strip() for line in lines]
     if not any(name == "/JOB" for name in names[:3]):
@@ -48,20 +48,22 @@ def _find(source: Source, setup: Setup) -> Found:
     if "//INST" not in names or "END" not in names[-2:]:  # a control-Z may follow
         source.fail(len(source.text), "the job has no //INST or no END; is it cut short?")
     if "//POS" not in names:
-        return Found(())
+        return Positions(())
     first, last = names.index("//POS"), names.index("//INST")
     if last < first:
         source.fail(lines[last].start(), "//INST stands before //POS")
     records = tuple(_positions(source, lines[first + 1 : last], setup))
-    return Found(records, tuple(_mentions(source, lines[last:])), _used(records, source.text[lines[last].start() :]))
+    return Positions(
+        records, tuple(_mentions(source, lines[last:])), _used(records, source.text[lines[last].start() :])
+    )
 
 
 def _used(records: Sequence[Record], instructions: str) -> frozenset[str] | None:
     """Names of the positions that instructions go to, of the job or of none; None where there are none."""
     places = {(letter, int(number)) for letter, number in re.findall(r"\b([CP])(\d+)\b", instructions)}
-    held = {int(record.name[1:]) for record in records if record.name[0] == "C"}
+    names = {int(record.name[1:]) for record in records if record.name[0] == "C"}
     motions = re.findall(r"\bS?MOV[JLCS]\s+C(\d+)", instructions)
-    absent = {f"C{number}" for number in motions if int(number) not in held}
+    absent = {f"C{number}" for number in motions if int(number) not in names}
     return frozenset(r.name for r in records if (r.name[0], int(r.name[1:])) in places).union(absent) or None
 
 
@@ -69,11 +71,11 @@ def _positions(source: Source, lines: Sequence[re.Match[str]], setup: Setup) -> 
     """The robot's positions, line by line."""
     header = Header()
     for line in lines:
-        if found := HEADER.match(source.text, line.start(), line.end()):
-            header = _header(header, found[1], found[2].strip())
-        elif found := POSITION.match(source.text, line.start(), line.end()):
-            if found[1] in {"C", "P"}:
-                yield _record(source, found, line.end(), header, setup)
+        if match := HEADER.match(source.text, line.start(), line.end()):
+            header = _header(header, match[1], match[2].strip())
+        elif match := POSITION.match(source.text, line.start(), line.end()):
+            if match[1] in {"C", "P"}:
+                yield _record(source, match, line.end(), header, setup)
         elif line[0].strip() and not line[0].lstrip().startswith(("/", "'")):
             source.fail(line.start(), f"found {source.near(line.start())}, expected a position such as C00000=")
 
@@ -92,40 +94,42 @@ def _header(header: Header, key: str, value: str) -> Header:
     return header
 
 
-def _record(source: Source, found: re.Match[str], end: int, header: Header, setup: Setup) -> Record:
+def _record(source: Source, match: re.Match[str], end: int, header: Header, setup: Setup) -> Record:
     """One position under the headers above it."""
-    numbers = _numbers(source, found.end(), end)
-    name, line = found[1] + found[2], source.line(found.start())
+    numbers = _numbers(source, match.end(), end)
+    name, line = match[1] + match[2], source.line(match.start())
     form = header.form or ("PULSE" if header.place == "PULSE" else "RECTAN")
-    left = "position variable: it lives in the controller, other jobs may use it"
-    left = left if found[1] == "P" and not setup.position_variables else ""
+    reason = "position variable: it lives in the controller, other jobs may use it"
+    reason = reason if match[1] == "P" and not setup.position_variables else ""
     if form == "RECTAN":
         if len(numbers) < 6:
             source.fail(end, f"{name} has {len(numbers)} numbers, expected X, Y, Z, Rx, Ry, Rz")
         x, y, z, rx, ry, rz = numbers[:6]
         if header.place not in PLACES:
-            left = left or f"frame: positions of type {header.place or '(none)'} have no frame to correct in"
+            reason = reason or f"frame: positions of type {header.place or '(none)'} have no frame to correct in"
         frame = Ref(header.user) if PLACES.get(header.place) else Ref("", np.eye(4))
-        return Record(name, line, "euler", (x, y, z, rz, ry, rx), frame, Ref(header.tool), header.config, left)
+        return Record(name, line, "euler", (x, y, z, rz, ry, rx), frame, Ref(header.tool), header.config, reason)
     pulses = setup.joints.pulses
     if form == "PULSE" and not pulses:
-        left = left or "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in cell.yaml"
+        reason = (
+            reason or "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in cell.yaml"
+        )
     per_degree = np.array(pulses) if form == "PULSE" and pulses else None
     joints = len(numbers) if per_degree is None else len(per_degree)
-    return Record(name, line, "joints", tuple(numbers[:joints]), left=left, per_degree=per_degree)
+    return Record(name, line, "joints", tuple(numbers[:joints]), why=reason, per_degree=per_degree)
 
 
 def _numbers(source: Source, at: int, end: int) -> list[Number]:
     """Numbers parted by commas, to the end of the line."""
-    found, part = list[Number](), re.compile(rf"\s*({NUMBER})\s*")
+    numbers, part = list[Number](), re.compile(rf"\s*({NUMBER})\s*")
     while True:
         match = part.match(source.text, at, end)
         if match is None:
             source.fail(at, f"found {source.near(at)}, expected a number")
-        found.append(number(match, 1))
+        numbers.append(number(match, 1))
         at = match.end()
         if at == end:
-            return found
+            return numbers
         if source.text[at] != ",":
             source.fail(at, f"found {source.near(at)}, expected a comma or the end of the line")
         at += 1
@@ -139,9 +143,9 @@ def _mentions(source: Source, lines: Sequence[re.Match[str]]) -> Iterator[Mentio
             yield Mention(
                 source.name, source.line(line.start()), text.split()[0], "offset: what it shifts by is not here"
             )
-        elif found := re.match(r"(?:MOV[JLCS]|IMOV|REFP)\s+(?:\d+\s+)?(P(?:\d+|\[[^\]]*\]))", text):
+        elif match := re.match(r"(?:MOV[JLCS]|IMOV|REFP)\s+(?:\d+\s+)?(P(?:\d+|\[[^\]]*\]))", text):
             why = "position variable: it lives in the controller"
-            yield Mention(source.name, source.line(line.start()), found[1], why)
+            yield Mention(source.name, source.line(line.start()), match[1], why)
         elif re.match(r"IMOV\b", text):
             yield Mention(source.name, source.line(line.start()), "IMOV", "incremental: it moves by a distance")
 

@@ -226,13 +226,18 @@ class _Loop:
         if self.promised <= goal:
             self.why = f"more touches do not help: {self._reason(floor)}"
         elif left < 1:
-            self.why = f"all {self.most} touches are used up: {self._reason(floor)}"
+            self.why = f"all {self.most} touches are used up: {self._reason(floor)}{self._advice()}"
         else:
             more = (self.more.times(goal) - 1) * len(self.met)
             gain = 1 - self.more.promised(1 + 10 / len(self.met)) / self.promised
             if gain < WORTH and more > left:
                 self.why = f"more touches hardly help: {self._reason(floor)}"
             self.wanted = int(np.clip(np.ceil(more if more < BATCH / 2 else 0.7 * more), LEAST, self.batch))
+
+    def _advice(self) -> str:
+        """How many touches would do, where some would."""
+        most = self.more.times(self.target) * self.tried
+        return f"; about {10 * np.ceil(most / 10):.0f} touches reach {self.target:g} mm" if np.isfinite(most) else ""
 
     def _reason(self, floor: float) -> str:
         """What keeps the error up, in words."""

@@ -112,10 +112,10 @@ def summary(files: "list[Fixed]") -> dict[str, Any]:
             "shift_mm": {"median": float(np.median(each.shift)), "max": float(each.shift.max())}
             if len(each.shift)
             else None,
-            "held": each.held,
+            "held": each.unchanged,
             "largest_step_mm": each.step if len(each.shift) else None,
             "assumed": list(each.assumed),
-            "left": [{"line": m.line, "name": m.name, "why": m.why} for m in each.left],
+            "left": [{"line": m.line, "name": m.name, "why": m.why} for m in each.failures],
             "mentions": [{"line": m.line, "name": m.name, "why": m.why} for m in each.mentions],
         }
         for each in files
@@ -130,7 +130,7 @@ def story(files: "list[Fixed]", notes: list[str], output: Path) -> str:
     for each in files:
         lines.append(f"{each.name}: {_corrected(each)}")
         lines += [f"  cannot be corrected: {count} {why}" for why, count in each.reasons.items()]
-        for mentions in (each.left, each.mentions):
+        for mentions in (each.failures, each.mentions):
             lines += [f"  {_place(m.line, m.name)}{m.why}" for m in mentions[:SHOWN]]
             lines += [f"  ... and {len(mentions) - SHOWN} more"] if len(mentions) > SHOWN else []
     return "\n".join([*lines, *notes, f"wrote {output}, the changes in {output / DIFF}"])
@@ -138,9 +138,9 @@ def story(files: "list[Fixed]", notes: list[str], output: Path) -> str:
 
 def _corrected(program: "Fixed") -> str:
     """How many positions of a program were corrected, and by how much."""
-    total = len(program.shift) + len(program.left) + program.held
+    total = len(program.shift) + len(program.failures) + program.unchanged
     if not program.whole:
-        stuck = f"{len(program.left)} of {total} positions cannot be corrected"
+        stuck = f"{len(program.failures)} of {total} positions cannot be corrected"
         return f"not corrected and not written: {stuck}, and a path is one whole"
     if not len(program.shift):
         return f"0 of {total} positions corrected"

@@ -1,13 +1,14 @@
 r"""ABB IRC5: RAPID modules that search with SearchL, and the text file that they write.
 
-Sources: Technical reference manual RAPID, SearchL: the robot moves linearly; when the signal changes to high the
-TCP position of that moment is stored and, with \Stop, the robot stops as quickly as it can; without a change it
-arrives and ERR_WHLSEARCH is raised, with the signal high already at the start ERR_SIGSUPSEARCH; after either the
-path is stored, the robot moved, the old path cleared and the motion started again before the routine goes on. A
-string holds 80 characters. Programs read for the form of the statements: an experiment on a virtual controller
-(module TG_TouchProbe, with the same recovery and the stored point on the face), a brick-laying module that handles
-both errors, the touch sensing of a gantry. The robot searches along a straight line because RAPID has no search in
-joint space; the joints are those that the controller itself finds for the stored point (CalcJointT).
+Sources: Technical reference manual RAPID, SearchL: the robot moves linearly; when the signal changes to high the TCP
+position of that moment is stored and, with \Stop, the robot stops as quickly as it can; without a change it arrives and
+ERR_WHLSEARCH is raised, with the signal high already at the start ERR_SIGSUPSEARCH; after either the path is stored,
+the robot moved, the old path cleared and the motion started again before the routine goes on. A string holds 80
+characters. Programs read for the form of the statements: an experiment on a virtual controller (module TG_TouchProbe,
+with the same recovery and the stored point on the face), a brick-laying module that handles both errors, the touch
+sensing of a gantry, the calibration of a cell (ERR_WHLSEARCH and ERR_SIGSUPSEARCH told apart). The robot searches along
+a straight line because RAPID has no search in joint space; the joints are those that the controller itself finds for
+the stored point (CalcJointT).
 """
 
 from collections.abc import Iterator, Sequence

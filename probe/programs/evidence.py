@@ -58,12 +58,12 @@ def imported(
     rows = [
         (i, entries[i + 1], *judge.status(targets[i], entries[i + 1])) for i in range(len(plan)) if i + 1 in entries
     ]
-    made = [i for i, *_ in rows]
+    numbers = [i for i, *_ in rows]
     q = [entry.latch if status in (HIT, "outlier") else targets[i].approach for i, entry, status, _ in rows]
     none = np.full(len(rows), np.nan)
     touches = Touches(
-        ids=tuple(plan.ids[i] for i in made),
-        face=tuple(plan.face[i] for i in made),
+        ids=tuple(plan.ids[i] for i in numbers),
+        face=tuple(plan.face[i] for i in numbers),
         q=np.array(q).reshape(-1, plan.q.shape[1]),
         normal=np.full((len(rows), 3), np.nan),
         offset=none,
@@ -72,18 +72,18 @@ def imported(
         temperature=none if temperature is None else np.full(len(rows), temperature),
         time=("",) * len(rows),
         note=tuple("; ".join(filter(None, (reason, note))) for *_, reason in rows),
-        approach=plan.approach[made],
+        approach=plan.approach[numbers],
     )
     return Imported(touches, tuple(name for i, name in enumerate(plan.ids) if i + 1 not in entries))
 
 
 def _entries(logs: Sequence[Log], plan: Plan, cell: Cell, maker: str) -> dict[int, Entry]:
     """What was made, by number; raises InputError where a log is not of this plan."""
-    expected, mistakes = stamp(plan, cell.robot, maker), []
+    own, mistakes = stamp(plan, cell.robot, maker), []
     entries: dict[int, Entry] = {}
     for log in logs:
-        if log.stamp != expected:
-            text = f"it is the log of another plan (stamp {log.stamp}, expected {expected}); name its plan with --plan"
+        if log.stamp != own:
+            text = f"it is the log of another plan (stamp {log.stamp}, expected {own}); name its plan with --plan"
             mistakes.append(Mistake(log.file, 0, text))
         elif log.first + log.count - 1 > len(plan):
             text = f"it tells of touches up to {log.first + log.count - 1}, the plan has {len(plan)}"
@@ -133,9 +133,13 @@ class _Judge:
         met = entry.code != CLOSED  # without a search there is no latch
         latches = (entry.latch, entry.rest) if met else (target.approach, target.approach)
         (latch, off), (rest, _) = (self._on_search(target, q) for q in latches)
-        seen = _observations(entry.code, target, rest)
+        observations = _observations(entry.code, target, rest)
         contact = RobotContact(latch, rest, "", 0)
-        if why_not := off or objection(contact, intent, seen, self.geometry) or unconfirmed(seen, intent):
+        if (
+            why_not := off
+            or objection(contact, intent, observations, self.geometry)
+            or unconfirmed(observations, intent)
+        ):
             return "skipped", why_not
         surprise = self.predictor.judge(entry.latch, target.face)
         if surprise.beyond(self.geometry.settings.disagreement):

@@ -1,13 +1,14 @@
 """FANUC R-30iA and R-30iB: TP programs (.LS) that search with the high-speed skip, and the registers they leave.
 
-Sources: `SKIP CONDITION` and `Skip,LBL[n],PR[m]=JPOS`: where the condition becomes true the motion stops, the
-position of that moment is stored, and the next line runs; where it never does, the robot arrives and the program
-jumps to the label (FANUC Handling Tool operator's manual, skip and high-speed skip instruction; a public
-explanation with examples stands at onerobotics.com, "Refactoring Skip Conditions"). Programs read for the form of
-the statements: ros_movesm.ls of gavanderhoorn/fanuc_driver_exp (joint motion with a skip), the tests of
-kobbled/tp_plus (`Skip,LBL[100],PR[1]=LPOS`). posreg.va shows three decimals of a degree, numreg.va six of a real
-number (public readers of both files, and backups that they quote); `R[n]=PR[m,k]` hands over an element of a position
-register. So the latched joints go into numeric registers, too: there they are as fine as a real of 32 bits holds them.
+Sources: `SKIP CONDITION` and `Skip,LBL[n],PR[m]=JPOS`: where the condition becomes true the motion stops, the position
+of that moment is stored, and the next line runs; where it never does, the robot arrives and the program jumps to the
+label (FANUC Handling Tool operator's manual, skip and high-speed skip instruction; a public explanation with examples
+stands at onerobotics.com, "Refactoring Skip Conditions"). Programs read for the form of the statements: ros_movesm.ls
+of gavanderhoorn/fanuc_driver_exp (joint motion with a skip), the tests of kobbled/tp_plus (`Skip,LBL[100],PR[1]=LPOS`),
+a depalletizing cell (`SKIP CONDITION DI[8]=ON` before a search), a cell for panels (`SKIP CONDITION` on registers,
+`PR[14]=JPOS`). posreg.va shows three decimals of a degree, numreg.va six of a real number (public readers of both
+files, and backups that they quote); `R[n]=PR[m,k]` hands over an element of a position register. So the latched joints
+go into numeric registers, too: there they are as fine as a real of 32 bits holds them.
 """
 
 import re
@@ -102,18 +103,18 @@ def _log(path: Path, positions: Elements, number_path: Path, elements: Elements,
     return Log(str(path), stamp, number, count, speed, tuple(entries))
 
 
-def _finer(shown: Joints, held: Joints, path: Path, line: int) -> Joints:
+def _finer(coarse: Joints, fine: Joints, path: Path, line: int) -> Joints:
     """The latched joints as numreg.va holds them; raises InputError if posreg.va shows others."""
-    apart = np.abs(shown - held).max()
+    apart = np.abs(coarse - fine).max()
     if apart > ALIKE:
         text = f"the latched joints differ by {apart:.3f} degrees from those in numreg.va; save both files of one run"
         raise fault(path, line, text)
-    return held
+    return fine
 
 
 def _elements(text: str, kind: str) -> Elements:
     """Elements of an array of a .va file: line and text of each, by its index."""
-    found: Elements = {}
+    elements: Elements = {}
     inside, index = False, 0
     for line, content in enumerate(text.splitlines(), 1):
         if content.startswith("[*"):
@@ -121,12 +122,12 @@ def _elements(text: str, kind: str) -> Elements:
             index = 0
         elif inside and (match := ELEMENT.match(content)):
             index = int(match[1])
-            found[index] = line, match[2]
+            elements[index] = line, match[2]
         elif inside and index and not re.match(r"^\s*\[", content):
-            found[index] = found[index][0], f"{found[index][1]} {content}"
+            elements[index] = elements[index][0], f"{elements[index][1]} {content}"
         else:
             index = 0
-    return found
+    return elements
 
 
 def _joints(path: Path, positions: Elements, index: int) -> Joints:

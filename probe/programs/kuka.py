@@ -10,7 +10,7 @@ Form of the statements, each in at least two public programs written elsewhere: 
 INTERRUPT ON (the initialisation that KUKA's own editor writes, style programs of a welding cell), LIN_REL with a frame,
 PTP with axes, `$VEL.CP`, `$TIMER` with `$TIMER_STOP`, `$AXIS_ACT`, WAIT SEC, BAS(#INITMOV,0), HALT. INTERRUPT OFF and
 RESUME in the routine of a search were found in one public program, a probing template, and in training notes. No public
-program was found for BRAKE F, `$AXIS_INT` and `$MEAS_PULSE`: these three follow the manual alone.
+program was found for BRAKE F, `$AXIS_INT` and `$MEAS_PULSE`, in a second search neither: these follow the manual alone.
 
 Motions of a few mm/s need CP speed, so the search is LIN_REL with constant orientation; joint speeds begin at one
 percent.

@@ -69,7 +69,7 @@ def fault(file: Path, line: int, text: str) -> InputError:
 
 def read_lines(path: Path, lines: Sequence[str], to_joints: Callable[[Joints], Joints]) -> Log:
     """A log of lines `touchcal` with the header, `t` with number, code and latch, `r` with number and rest."""
-    found: tuple[int, int, int, float] | None = None
+    title: tuple[int, int, int, float] | None = None
     codes: dict[int, tuple[int, int]] = {}
     joints: dict[tuple[str, int], Joints] = {}
     for line, content in enumerate(lines, 1):
@@ -78,7 +78,7 @@ def read_lines(path: Path, lines: Sequence[str], to_joints: Callable[[Joints], J
             continue
         try:
             if words[0] == "touchcal":
-                found = header([float(word) for word in words[1:]], path, line)
+                title = header([float(word) for word in words[1:]], path, line)
                 codes, joints = {}, {}
                 continue
             width = {"t": 3, "r": 2}[words[0]]
@@ -95,9 +95,9 @@ def read_lines(path: Path, lines: Sequence[str], to_joints: Callable[[Joints], J
             raise fault(
                 path, line, f"{text}; is the line cut short? delete it, its touch is then not imported"
             ) from None
-    if found is None:
+    if title is None:
         raise fault(path, 0, "no line 'touchcal ...' in it; give the file that the program wrote")
-    plan, first, count, speed = found
+    plan, first, count, speed = title
     blank = np.full(JOINTS, np.nan)
     entries = tuple(
         Entry(number, code, joints.get(("t", number), blank), joints.get(("r", number), blank), line)

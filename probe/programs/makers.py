@@ -44,13 +44,13 @@ class Maker:
         """Raise InputError where an option is not in the notation of this maker."""
         options.check()
         frame = "a number" if self.tool == NUMBER else "a name"
-        for name, value, pattern, expected in (
+        for name, value, pattern, form in (
             ("--input", options.input, self.signal, self.example),
             ("--tool", options.tool, self.tool, frame),
             ("--frame", options.frame, self.tool, frame),
         ):
             if value and not re.fullmatch(pattern, value):
-                raise InputError(f"{name} is '{value}', expected {expected} on {self.instructions.title}")
+                raise InputError(f"{name} is '{value}', expected {form} on {self.instructions.title}")
 
 
 COUPLED = ("fanuc",)  # controllers that count joint 3 together with joint 2

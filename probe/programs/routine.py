@@ -100,17 +100,17 @@ def line_ends(cell: Cell, targets: Sequence[Target], geometry: Geometry) -> list
     way = geometry.tip(contact) - position
     near = np.linalg.norm(way, axis=1)
     travel = np.array([geometry.length(t.approach, t.end) for t in targets])
-    ends, found = start.copy(), np.zeros(len(targets), dtype=bool)
+    ends, straight_on = start.copy(), np.zeros(len(targets), dtype=bool)
     for share in SHORTER:
-        rest = np.flatnonzero(~found)
+        rest = np.flatnonzero(~straight_on)
         goal = position[rest] + (share * travel / near)[rest, None] * way[rest]
         reached = reach(cell.kinematics, cell.theta, goal, R[rest], start[rest])
         good = reached.reached() & (np.abs(reached.q - start[rest]).max(axis=1) < 1.0)
         good &= share * travel[rest] > near[rest]
-        ends[rest[good]], found[rest[good]] = reached.q[good], True
-        if found.all():
+        ends[rest[good]], straight_on[rest[good]] = reached.q[good], True
+        if straight_on.all():
             return list(ends)
-    name = targets[int(np.argmin(found))].id
+    name = targets[int(np.argmin(straight_on))].id
     raise InputError(f"touch '{name}': the tip cannot go straight on from the approach to the face; plan it again")
 
 
@@ -159,5 +159,5 @@ def _leg(start: Joints | None, q: Joints, geometry: Geometry, speed: float) -> L
         return Leg(q, SLOWEST, SLOWEST * float(robot.speed.max()))
     rate = geometry.move_rate(start, q, speed)
     share = rate / geometry.span(start, q) * float((step / robot.speed).max())
-    chosen = float(np.clip(share, SLOWEST, FASTEST))
-    return Leg(q, chosen, rate * chosen / share)
+    usable = float(np.clip(share, SLOWEST, FASTEST))
+    return Leg(q, usable, rate * usable / share)

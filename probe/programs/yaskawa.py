@@ -1,13 +1,15 @@
 """Yaskawa DX200 and YRC1000: INFORM jobs (.JBI) that search with SRCH, and the variables they leave.
 
-Sources: INFORM language manual, SRCH: a motion with `SRCH RIN#(n)=ON` watches a direct input and stops where it
-goes on; the pulses of that moment are kept in `$PX002`, and `$B002` says whether anything was found; `GETS` reads
-system variables, `$PX000` are the pulses now. Job data format (easymanua.ls, DX100 and NX100, "Job Data Format"):
-`///PULSE`, `C00000=` positions of the job, `P00000=` position variables. Programs read for the form of the
-statements: `touchsense` of the DX200 client of rpiRobotics (`MOVL C00000 V=.. SRCH RIN#(3)=ON DIS=..`), the public
-notes on INFORM for the YRC1000 (`GETS PX000 $PX000`, `JUMP *label IF IN#(1)=OFF`, `WAIT IN#(12)=ON T=..`, `TIMER
-T=..`). SRCH belongs to MOVL: the tip goes straight. The layout of position variables in VAR.DAT differs between
-controllers; what is not read from there is read from a job that was saved with them.
+Sources: INFORM language manual, SRCH: a motion with `SRCH RIN#(n)=ON` watches a direct input and stops where it goes
+on; the pulses of that moment are kept in `$PX002`, and `$B002` says whether anything was found; `GETS` reads system
+variables, `$PX000` are the pulses now. Job data format (easymanua.ls, DX100 and NX100, "Job Data Format"): `///PULSE`,
+`C00000=` positions of the job, `P00000=` position variables. Texts read for the form of the statements: `touchsense` of
+the DX200 client of rpiRobotics (`MOVL C00000 V=.. SRCH RIN#(3)=ON DIS=..`, the only public program with RIN that was
+found), two public sets of notes on INFORM for the YRC1000 (`GETS PX000 $PX002` after a search, `$B002`, `JUMP *label IF
+IN#(1)=OFF`, `WAIT IN#(12)=ON T=..`, `TIMER T=..`). No public program was found that reads `$PX002` or `$B002`: these
+two follow manual and notes. SRCH belongs to MOVL: the tip goes straight. VAR.DAT holds position variables one a line:
+`"UNUSED"` or `"PULSE"`, six numbers (type, frame, configuration, tool) and the pulses (backups of a GP88 and an SDA20D,
+and a public reader of such files). What is not there is read from a job that was saved with them.
 """
 
 import re
@@ -31,6 +33,7 @@ COMMENT = 31  # characters of a remark
 SLOWEST = 0.1  # [mm/s]
 
 INPUT = re.compile(r"(RIN#\(\d+\)),(IN#\(\d+\))")
+UNUSED, SLOT = '"UNUSED"', re.compile(r'^"PULSE"(?:[^,]*,){6}(.+)$')  # a position variable in VAR.DAT
 PLACE = re.compile(r"^\s*P(?:X)?(\d+)\s*=\s*(.+?)\s*$")
 
 INSTRUCTIONS = Instructions(
@@ -102,16 +105,21 @@ def _log(path: Path, variables: dict[str, Elements], robot: Robot, stamp: int) -
 
 
 def _variables(text: str) -> dict[str, Elements]:
-    """Elements by kind and index: B and D in rows of numbers, P one a line."""
-    found: dict[str, Elements] = {"B": {}, "D": {}}
-    kind, lines = "", text.splitlines()
-    for line, content in enumerate(lines, 1):
+    """Elements by kind and index: B and D in rows of numbers, P one a line; an unused one is left out."""
+    elements: dict[str, Elements] = {"B": {}, "D": {}, "P": {}}
+    kind, slots = "", 0
+    for line, content in enumerate(text.splitlines(), 1):
         if content.startswith("///"):
             kind = content[3:].strip()
-        elif kind in found:
+        elif kind == "P" and content.strip():
+            if content.strip() != UNUSED:
+                pulses = SLOT.match(content.strip())
+                elements["P"][slots] = line, pulses[1] if pulses else content
+            slots += 1
+        elif kind in elements:
             for word in filter(None, (word.strip() for word in content.split(","))):
-                found[kind][len(found[kind])] = line, word
-    return found | {"P": _places(lines)}
+                elements[kind][len(elements[kind])] = line, word
+    return elements
 
 
 def _places(lines: Sequence[str]) -> Elements:
@@ -175,16 +183,16 @@ def _touch(part: Part, k: int, end: int) -> list[str]:
     `end` is the position behind that of the approach.
     """
     V, (direct, level) = part.options.first - 1, _signals(part)
-    closed, found, failed, code = (f"B{V + number:03d}" for number in (0, 1, 2, CODES + k))
+    closed, contact, failed, code = (f"B{V + number:03d}" for number in (0, 1, 2, CODES + k))
     latch, rest = (f"PX{V + 2 * k + i:03d}" for i in (0, 1))
     speed, length = max(part.speed, SLOWEST), np.linalg.norm(part.routines[k].along)
     return f"""CALL JOB:TCOPEN
 SET {code} {CLOSED}
 JUMP *E{k} IF {closed}=1
 MOVL C{end:05d} V={speed:.1f} SRCH {direct}=ON DIS={length:.1f}
-GETS {found} $B002
+GETS {contact} $B002
 SET {code} {MISSED}
-JUMP *R{k} IF {found}=0
+JUMP *R{k} IF {contact}=0
 GETS {latch} $PX002
 TIMER T={REST:.2f}
 GETS {rest} $PX000

@@ -11,6 +11,8 @@ import re
 
 import numpy as np
 
+UNUSED = '"UNUSED"'
+
 
 class YaskawaInform:
     """Jobs of one controller, and its variables."""
@@ -102,10 +104,18 @@ class YaskawaInform:
         return None
 
     def var_dat(self, *, positions: bool = True) -> str:
-        """VAR.DAT: B, I and D in rows of ten; position variables by name."""
-        out = ["//VAR", "///SHARE 100,100,100,100,100,128,128,128", "///B", *rows(self.B, 100), "///I", *rows({}, 100)]
-        out += ["///D", *rows(self.D, 100), "///P"]
-        return "\r\n".join([*out, *(self._positions() if positions else ()), ""])
+        """VAR.DAT: B, I and D in rows of ten; position variables one a line, as backups of a GP88 and an SDA20D do."""
+        out = ["//VAR", "///PFNUM 6,0,0,0", "///SHARE 100,100,100,100,100,128,128,0"]
+        for kind, values in (("B", self.B), ("I", {}), ("D", self.D), ("R", {})):
+            out += [f"///{kind}", *rows(values, 100)]
+        slots = [self._slot(k) if positions else UNUSED for k in range(128)]
+        return "\r\n".join([*out, "///S", *[""] * 100, "///P", *slots, "///BP", *[UNUSED] * 128, "///EX", ""])
+
+    def _slot(self, k: int) -> str:
+        """Type, configuration and tool of a position variable, its pulses, and two axes that are not there."""
+        if k not in self.P:
+            return UNUSED
+        return f'"PULSE"0,0,1,{"0" * 24},0,1,{",".join(map(str, self.P[k]))},0,0'
 
     def job(self) -> str:
         """A job that names the position variables, as it is saved."""
@@ -118,10 +128,8 @@ class YaskawaInform:
             "///POSTYPE PULSE",
             "///PULSE",
         ]
-        return "\r\n".join([*head, *self._positions(), "//INST", "///DATE 2026/01/01 00:00", "NOP", "END", ""])
-
-    def _positions(self) -> list[str]:
-        return [f"P{k:05d}={','.join(map(str, values))}" for k, values in sorted(self.P.items())]
+        places = [f"P{k:05d}={','.join(map(str, values))}" for k, values in sorted(self.P.items())]
+        return "\r\n".join([*head, *places, "//INST", "///DATE 2026/01/01 00:00", "NOP", "END", ""])
 
 
 def rows(values: dict[int, int], count: int) -> list[str]:

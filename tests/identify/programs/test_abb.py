@@ -39,7 +39,7 @@ def test_corrected_targets_bring_the_true_robot_where_the_program_said(drawn):
 
     result = fixed(text)
 
-    after, left = result.after.decode("latin-1"), {mention.line for mention in result.left}
+    after, left = result.after.decode("latin-1"), {mention.line for mention in result.failures}
     places, again = (list(re.finditer(r'(?<!")p\d_ := \[|MoveL \[', whole)) for whole in (text, after))
     for (kind, q), old_at, new_at in zip(targets, places, again, strict=True):
         old, new = read(text[old_at.start() :], old_at[0]), read(after[new_at.start() :], new_at[0])
@@ -80,8 +80,8 @@ def test_quaternions_in_exponents_are_read():
 
     result = fixed(text, setup=Setup(posture="nearest"))
 
-    assert len(result.shift) + len(result.left) == 1
-    assert result.left == () or not result.left[0].why.startswith("orientation")
+    assert len(result.shift) + len(result.failures) == 1
+    assert result.failures == () or not result.failures[0].why.startswith("orientation")
 
 
 def test_tools_and_work_objects_stay_as_they_are_and_are_heeded():
@@ -152,13 +152,13 @@ def test_tool0_is_the_flange():
 def test_targets_in_frames_that_move_are_left_alone(data, use, why):
     text = module(data, f"CONST robtarget p1:={target(Q)};", "PROC main()", f"  MoveL p1,v100,fine,{use};")
 
-    assert fixed(text).left[0].why == why
+    assert fixed(text).failures[0].why == why
 
 
 def test_a_target_used_with_two_tools_is_left_alone():
     text = module(f"CONST robtarget p1:={target(Q)};", "MoveL p1,v100,fine,tool0;", "MoveL p1,v100,fine,tGun;")
 
-    assert fixed(text).left[0].why == "frame: it is used with more than one tool or work object"
+    assert fixed(text).failures[0].why == "frame: it is used with more than one tool or work object"
 
 
 def test_arrays_of_targets_are_corrected_one_by_one():
@@ -202,7 +202,7 @@ def test_targets_with_decimals_in_their_confdata_or_computed_are_named():
 def test_a_quaternion_that_is_no_orientation_is_left_alone():
     text = module(f"CONST robtarget p1:=[{listed(base_T_tip(Q)[:3, 3], 3)},[0.5,0,0,0],[0,0,0,0],{EAX}];")
 
-    assert fixed(text).left[0].why == "orientation: its quaternion has length 0.5, expected 1"
+    assert fixed(text).failures[0].why == "orientation: its quaternion has length 0.5, expected 1"
 
 
 def test_confdata_decide_which_way_a_target_is_corrected():

@@ -28,16 +28,16 @@ def test_corrected_positions_bring_the_true_robot_where_the_program_said(drawn):
 
     result = fixed(text)
 
-    left = {mention.name for mention in result.left}
+    left = {mention.name for mention in result.failures}
     able = [i for i in range(1, len(positions) + 1) if f"P[{i}]" not in left]
     if left:  # no motion stands there: every position is of the path, which stays whole
-        assert (result.after, len(result.shift), result.held, result.whole) == (result.before, 0, len(able), False)
+        assert (result.after, len(result.shift), result.unchanged, result.whole) == (result.before, 0, len(able), False)
         if not able:
             return
         text = text.replace("/POS", f"   2:L P[{able[0]}] 100mm/sec FINE ;\n/POS")  # the path goes elsewhere
         result = fixed(text)
-        assert {mention.name for mention in result.left} == left
-    assert (result.held, result.whole) == (0, True)
+        assert {mention.name for mention in result.failures} == left
+    assert (result.unchanged, result.whole) == (0, True)
     before, after = read(text), read(result.after.decode("latin-1"))
     assert len(after) == len(positions)
     for i, (kind, q, *_) in enumerate(positions):
@@ -110,8 +110,8 @@ def test_a_frame_that_the_table_does_not_have_leaves_the_whole_path_as_it_is():
 
     result = fixed(text, setup=Setup({"5": np.eye(4)}))
 
-    assert [(m.name, m.line, m.why) for m in result.left] == [("P[1]", 6, "frame: frame 4 is not in the table")]
-    assert (len(result.shift), result.held, result.whole) == (0, 1, False)
+    assert [(m.name, m.line, m.why) for m in result.failures] == [("P[1]", 6, "frame: frame 4 is not in the table")]
+    assert (len(result.shift), result.unchanged, result.whole) == (0, 1, False)
     assert result.after == result.before
 
 
@@ -145,7 +145,7 @@ def test_position_registers_offsets_and_coordinated_motions_are_named():
 def test_a_position_used_incrementally_is_left_alone():
     result = fixed(program([pose_text(Q), pose_text(Q)], "   1:L P[2] 50mm/sec FINE INC    ;"))
 
-    assert [(m.name, m.why.split(":")[0]) for m in result.left] == [("P[2]", "incremental")]
+    assert [(m.name, m.why.split(":")[0]) for m in result.failures] == [("P[2]", "incremental")]
 
 
 def test_another_group_can_be_the_robot():
@@ -195,7 +195,7 @@ def test_flags_that_no_solution_has_leave_the_position_alone_and_name_the_cure()
     result = fixed(text)
 
     assert result.after == text.encode()
-    assert "signs and zeros" in result.left[0].why
+    assert "signs and zeros" in result.failures[0].why
     assert len(fixed(text, setup=Setup(posture="nearest", near=Q)).shift) == 1
 
 
@@ -205,7 +205,7 @@ def test_a_joint_that_would_pass_half_a_turn_against_its_flag_is_left_alone():
 
     result = fixed(program([pose_text(q)]))
 
-    assert result.left[0].why.split(":")[0] in {"joint limit", "posture"}
+    assert result.failures[0].why.split(":")[0] in {"joint limit", "posture"}
 
 
 def test_joints_of_another_robot_are_left_alone():
@@ -217,7 +217,7 @@ def test_joints_of_another_robot_are_left_alone():
 def test_a_position_without_one_of_its_numbers_is_left_alone():
     text = program([re.sub(r",\tR = +\S+ deg", "", pose_text(Q))])
 
-    assert fixed(text).left[0].why == "missing: no R"
+    assert fixed(text).failures[0].why == "missing: no R"
 
 
 BROKEN = {
@@ -248,5 +248,5 @@ def test_a_motion_to_a_position_that_is_not_there_leaves_the_path_as_it_is():
 
     result = fixed(text)
 
-    assert [(mention.name, mention.why.split(":")[0]) for mention in result.left] == [("P[7]", "absent")]
-    assert (result.held, result.whole, result.after) == (1, False, result.before)
+    assert [(mention.name, mention.why.split(":")[0]) for mention in result.failures] == [("P[7]", "absent")]
+    assert (result.unchanged, result.whole, result.after) == (1, False, result.before)

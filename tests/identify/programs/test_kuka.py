@@ -22,7 +22,10 @@ def test_corrected_positions_bring_the_true_robot_where_the_program_said(drawn):
 
     result = fixed(text)
 
-    after, left = result.after.decode("latin-1"), {mention.name: mention.why.split(":")[0] for mention in result.left}
+    after, left = (
+        result.after.decode("latin-1"),
+        {mention.name: mention.why.split(":")[0] for mention in result.failures},
+    )
     for i, (kind, q) in enumerate(positions):
         old, new = read(text, f"XP{i}="), read(after, f"XP{i}=")
         expected = {"missing": "missing", "accurate": "absolute accuracy"}.get(kind)
@@ -86,7 +89,7 @@ def test_base_and_tool_numbers_of_the_taught_data_are_heeded():
 def test_an_external_tool_is_left_alone():
     text = dat(f"DECL E6POS XP1={pose(Q)}", "DECL FDAT FP1={TOOL_NO 1,BASE_NO 1,IPO_FRAME #TCP}")
 
-    assert fixed(text).left[0].why.split(":")[0] == "frame"
+    assert fixed(text).failures[0].why.split(":")[0] == "frame"
 
 
 @pytest.mark.parametrize(
@@ -115,14 +118,14 @@ def test_the_base_that_a_program_sets_holds_for_what_follows(setting):
 def test_a_base_that_is_computed_leaves_what_follows_alone():
     result = fixed(src("$BASE=BASE_DATA[2]:SHIFT", f"LIN {pose(Q)}"))
 
-    assert [mention.why.split(":")[0] for mention in result.left] == ["frame"]
+    assert [mention.why.split(":")[0] for mention in result.failures] == ["frame"]
     assert result.mentions[0].why == "frame: it is computed while the program runs"
 
 
 def test_a_position_used_with_two_bases_is_left_alone():
     text = src(f"XA={pose(Q)}", "BAS(#BASE,1)", "PTP XA", "BAS(#BASE,2)", "PTP XA")
 
-    assert fixed(text).left[0].why == "frame: it is used with more than one base or tool"
+    assert fixed(text).failures[0].why == "frame: it is used with more than one base or tool"
 
 
 def test_inline_positions_of_circles_and_axes_are_corrected():
@@ -132,10 +135,10 @@ def test_inline_positions_of_circles_and_axes_are_corrected():
     result = fixed(src(*lines))
     with_a_gap = fixed(src(*lines, "PTP {A1 5.0}"))
 
-    assert (len(result.shift), result.left, result.whole) == (3, (), True)
+    assert (len(result.shift), result.failures, result.whole) == (3, (), True)
     assert off(told(result, "CIRC"), base_T_tip(second), second)[0] < ROUND_MM
-    assert [mention.why.split(":")[0] for mention in with_a_gap.left] == ["missing"]
-    assert (with_a_gap.held, with_a_gap.whole, with_a_gap.after) == (3, False, with_a_gap.before)
+    assert [mention.why.split(":")[0] for mention in with_a_gap.failures] == ["missing"]
+    assert (with_a_gap.unchanged, with_a_gap.whole, with_a_gap.after) == (3, False, with_a_gap.before)
 
 
 def test_relative_motions_and_shifts_are_named_and_not_corrected():
@@ -161,14 +164,14 @@ def test_frames_and_tools_stay_as_they_are():
 def test_components_that_are_computed_leave_the_position_alone():
     text = src(f"PTP {pose(Q).replace('X ', 'X WIDTH+')}")
 
-    assert fixed(text).left[0].why == "computed: X is no plain number"
+    assert fixed(text).failures[0].why == "computed: X is no plain number"
 
 
 @pytest.mark.parametrize("written", ["S 'B10010',T 'B000000'", "S 18,T 0", "S 'H12',T 0"])
 def test_the_flag_of_absolute_accuracy_is_seen_however_it_is_written(written):
     text = dat(f"DECL POS XP1={re.sub(r'S [0-9]+,T [0-9]+', written, pose(Q))}")
 
-    assert fixed(text).left[0].why.startswith("absolute accuracy")
+    assert fixed(text).failures[0].why.startswith("absolute accuracy")
 
 
 def test_the_turn_bits_decide_which_way_a_position_is_corrected():

@@ -112,7 +112,7 @@ def test_a_seam_stays_as_it_is_until_the_frame_of_some_points_is_known_and_is_th
 
     results, untouched = fixed(files, frames={"other": np.eye(4)})
 
-    left = [mention for result in results for mention in result.left]
+    left = [mention for result in results for mention in result.failures]
     assert untouched == files
     assert not any(result.whole for result in results)
     assert len(left) == APART[:n].sum() == 0.17 * n
@@ -120,7 +120,7 @@ def test_a_seam_stays_as_it_is_until_the_frame_of_some_points_is_known_and_is_th
 
     results, corrected = fixed(files, frames={frame: FRAME})
 
-    assert all(result.whole and not result.left for result in results)
+    assert all(result.whole and not result.failures for result in results)
     assert sum(len(result.shift) for result in results) == n
     said = jig_poses(read(files))
     assert np.abs(said[:, :3, 3] - (transform(CELL.theta[:6]) @ WANTED[:n])[:, :3, 3]).max() < 0.001  # as it is written

@@ -20,7 +20,7 @@ def test_corrected_positions_bring_the_true_robot_where_the_job_said(drawn):
 
     result = fixed(text, setup=SETUP)
 
-    after, left = result.after.decode("latin-1"), {mention.name for mention in result.left}
+    after, left = result.after.decode("latin-1"), {mention.name for mention in result.failures}
     for i, (kind, q) in enumerate(positions):
         name = f"C{i:05d}"
         old, new = read(text, name), read(after, name)
@@ -79,7 +79,7 @@ def test_without_a_posture_to_look_from_a_position_is_left_alone_where_its_two_w
     text = job("///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(Q), f"C00000={pose(Q)}")
 
     assert re.match(r"posture: several fit, [\d.]+ mm apart when corrected", fixed(text, setup=Setup()).left[0].why)
-    assert fixed(text, SAME, Setup()).left == ()
+    assert fixed(text, SAME, Setup()).failures == ()
     assert len(fixed(text, setup=Setup(near=Q)).shift) == 1
 
 
@@ -103,7 +103,7 @@ def test_tools_of_the_table_are_heeded():
 def test_pulses_without_their_number_a_degree_are_left_alone_and_say_what_is_missing():
     result = fixed(job("///TOOL 1", "///POSTYPE PULSE", "///PULSE", f"C00000={pulses(Q)}"))
 
-    assert result.left[0].why == (
+    assert result.failures[0].why == (
         "pulses: their number a degree is not known; write joints: {pulses_per_deg: [...]} in cell.yaml"
     )
 
@@ -121,7 +121,7 @@ def test_position_variables_are_left_alone_unless_the_table_says_otherwise():
     result = fixed(text)
 
     assert result.after == text.encode()
-    assert result.left[0].why.startswith("position variable")
+    assert result.failures[0].why.startswith("position variable")
     assert [m.why.split(":")[0] for m in result.mentions] == ["position variable", "offset", "position variable"]
     assert len(fixed(text, setup=Setup(position_variables=True, near=Q)).shift) == 1
 

@@ -102,7 +102,9 @@ def test_the_log_of_another_plan_is_refused(maker, few, logs, bench, tmp_path):
 
 def test_positions_of_a_yaskawa_may_stand_in_a_job(few, logs, tmp_path):
     text = logs["yaskawa"]["VAR1.DAT"]
-    head, _, places = text.partition("///P\r\n")
+    head, _, slots = text.partition("///P\r\n")
+    pulses = [line.split(",")[6:12] for line in slots.splitlines() if line.startswith('"PULSE"')]
+    places = "".join(f"P{k:05d}={','.join(values)}\r\n" for k, values in enumerate(pulses))
     job = f"/JOB\r\n//NAME X\r\n//POS\r\n///NPOS 0,0,0,6,0,0\r\n///PULSE\r\n{places}//INST\r\nNOP\r\nEND\r\n"
 
     apart = reading(few, "yaskawa", {"VAR.DAT": head, "X.JBI": job}, tmp_path)
@@ -130,7 +132,12 @@ BAD = [
     ("abb", "tc1.txt", lambda t: "", "no line 'touchcal ...' in it"),
     ("abb", "tc1.txt", lambda t: re.sub(r"touchcal \d+", "touchcal 12", t), r"tc1.txt:1: its header is"),
     ("yaskawa", "VAR1.DAT", lambda t: t.replace("///B", "///X"), "no section ///B in it"),
-    ("yaskawa", "VAR1.DAT", lambda t: re.sub(r"P00000=\S+?,", "P00000=1.5,", t), r"VAR1.DAT:\d+: P000 is .*pulses"),
+    (
+        "yaskawa",
+        "VAR1.DAT",
+        lambda t: re.sub(r'(///P\s+"PULSE"(?:\d*,){6})', r"\g<1>1.5,", t),
+        r"VAR1.DAT:\d+: P000 is .*pulses",
+    ),
     ("ur", "TC1.log", lambda t: t.replace("t 1", "x 1"), r"TC1.log:2: found 'x 1"),
     ("ur", "TC1.log", lambda t: re.sub(r" 3 5000", " 3 0", t), "TC1.log:1: its header is"),
 ]
