@@ -111,7 +111,7 @@ def _group(scan: Scanner, group: Group) -> Group:
             group.fields[match[1]] = number(value, 1, padded=True)
         scan.take(",")
     if not group.fields and not group.untaught:
-        scan.source.fail(scan.at, f"match {scan.source.near(scan.at)}, expected X = or J1=")
+        scan.source.fail(scan.at, f"found {scan.source.near(scan.at)}, expected X = or J1=")
     return group
 
 

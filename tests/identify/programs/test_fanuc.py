@@ -211,7 +211,7 @@ def test_a_joint_that_would_pass_half_a_turn_against_its_flag_is_left_alone():
 def test_joints_of_another_robot_are_left_alone():
     seven = joint_text(Q) + ",\tJ7=     0.000 deg"
 
-    assert fixed(program([seven])).left[0].why == "joints: it has 7, the robot of the calibration 6"
+    assert fixed(program([seven])).failures[0].why == "joints: it has 7, the robot of the calibration 6"
 
 
 def test_a_position_without_one_of_its_numbers_is_left_alone():

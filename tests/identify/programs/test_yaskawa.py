@@ -78,7 +78,7 @@ def test_headers_hold_during_and_after():
 def test_without_a_posture_to_look_from_a_position_is_left_alone_where_its_two_wrists_differ():
     text = job("///TOOL 1", "///POSTYPE ROBOT", "///RECTAN", rconf(Q), f"C00000={pose(Q)}")
 
-    assert re.match(r"posture: several fit, [\d.]+ mm apart when corrected", fixed(text, setup=Setup()).left[0].why)
+    assert re.match(r"posture: several fit, [\d.]+ mm apart when corrected", fixed(text, setup=Setup()).failures[0].why)
     assert fixed(text, SAME, Setup()).failures == ()
     assert len(fixed(text, setup=Setup(near=Q)).shift) == 1
 
