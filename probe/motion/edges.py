@@ -76,13 +76,26 @@ class Edges:
 
         Not above 0 where one of the ends has nothing to keep.
         """
-        q, index = np.unique(np.concatenate([start, end]), axis=0, return_inverse=True)
-        arm, inside = self.clearance.gaps(q, max(self.keep, MARGIN) / SHARE)
-        wire = self.clearance.segment_gaps(*self.clearance.wire(q), max(self.keep, WIRE) / SHARE)
-        nearer = [gap[index.ravel()].reshape(2, -1).min(axis=0) for gap in (arm, inside, wire)]
+        nearer = np.minimum(self._gaps(start), self._gaps(end)).T
         most = max(self.keep, MARGIN / 2), min(max(self.keep, MARGIN / 2), MARGIN), max(self.keep, WIRE)
         nodes = [np.minimum(SHARE * gap, limit) for gap, limit in zip(nearer, most, strict=True)]
         return nodes[0], nodes[1], nodes[2]
+
+    def _gaps(self, q: Float[np.ndarray, "postures joints"]) -> Float[np.ndarray, "postures 3"]:
+        """Distances of arm and torch from obstacles and from each other, and of the bare wire; remembered [mm]."""
+        names = [row.tobytes() for row in q]
+        new = {name: row for name, row in zip(names, q, strict=True) if name not in self._remembered}
+        if new:
+            some = np.stack(list(new.values()))
+            wire = self.clearance.segment_gaps(*self.clearance.wire(some), max(self.keep, WIRE) / SHARE)
+            gaps = np.column_stack([*self.clearance.gaps(some, max(self.keep, MARGIN) / SHARE), wire])
+            self._remembered.update(zip(new, gaps, strict=True))
+        return np.stack([self._remembered[name] for name in names])
+
+    @cached_property
+    def _remembered(self) -> dict[bytes, Float[np.ndarray, " gaps"]]:
+        """What ends of ways that were looked at keep."""
+        return {}
 
     def _postures(
         self,

@@ -29,6 +29,8 @@ class CoalCheck:
         for shape in (*jig.obstacles, *self.cell.obstacles):
             T = np.eye(4) if shape.kind == "mesh" else shape.pose
             out.append((shape.name, _geometry(shape), coal.Transform3s(T[:3, :3], T[:3, 3])))
+        for _, solid, _ in out:
+            solid.computeLocalAABB()
         return out
 
     @cached_property
@@ -44,40 +46,55 @@ class CoalCheck:
         body = neck - flange[:3, 3]
         out.append((last, *_capsule(p - (BARE + ROUND * NOZZLE) * w, neck, NOZZLE)))
         out.append((last, *_capsule(flange[:3, 3] + FLANGE * body / np.linalg.norm(body), neck, BODY)))
-        return [*out, (last, *_capsule(p, p - BARE * w, 1e-3))]
+        out.append((last, *_capsule(p, p - BARE * w, 1e-3)))
+        for _, geometry, _ in out:
+            geometry.computeLocalAABB()
+        return out
 
     def frames(self, q: np.ndarray) -> list[np.ndarray]:
-        """Frames of the links in the jig frame (equations 2 to 4)."""
-        T = transform(self.theta[:6]) @ self.cell.robot.base_T_first
+        """Frames of the links in the jig frame, one for each posture (equations 2 to 4)."""
+        T = np.tile(transform(self.theta[:6]) @ self.cell.robot.base_T_first, (len(q), 1, 1))
         out = [T]
-        for joint, value, link in zip(self.cell.robot.joints, q, self.theta[6:-6].reshape(-1, 5), strict=False):
-            turn, d, a, alpha, beta = link
+        for joint, value, link in zip(self.cell.robot.joints, q.T, self.theta[6:-6].reshape(-1, 5), strict=False):
+            turn, d, a, alpha, beta = (np.full(len(q), x) for x in link)
             turn, d = (turn, d + value) if joint.prismatic else (turn + value, d)
             (ct, cl, cb), (st, sl, sb) = np.cos([turn, alpha, beta]), np.sin([turn, alpha, beta])
-            Rz, Rx = np.array([[ct, -st, 0], [st, ct, 0], [0, 0, 1]]), np.array([[1, 0, 0], [0, cl, -sl], [0, sl, cl]])
-            A = np.eye(4)
-            A[:3, :3] = Rz @ Rx @ np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]])
-            A[:3, 3] = Rz @ np.array([a, 0, d])
+            none, one = np.zeros(len(q)), np.ones(len(q))
+            Rz = np.array([[ct, -st, none], [st, ct, none], [none, none, one]]).transpose(2, 0, 1)
+            Rx = np.array([[one, none, none], [none, cl, -sl], [none, sl, cl]]).transpose(2, 0, 1)
+            Ry = np.array([[cb, none, sb], [none, one, none], [-sb, none, cb]]).transpose(2, 0, 1)
+            A = np.tile(np.eye(4), (len(q), 1, 1))
+            A[:, :3, :3] = Rz @ Rx @ Ry
+            A[:, :3, 3] = (Rz @ np.stack([a, none, d], axis=1)[:, :, None])[:, :, 0]
             T = T @ A
             out.append(T)
         return out
 
     def hit(self, q: np.ndarray) -> str:
-        """The solid that a posture hits; empty where none."""
+        """The solid that the first of some postures hits which hits any; empty where none does."""
         frames = self.frames(q)
-        for link, geometry, local in self.moving:
-            T = frames[link] @ local
-            place = coal.Transform3s(T[:3, :3], T[:3, 3])
-            for name, solid, where in self.standing:
-                self.result.clear()
-                if coal.collide(geometry, place, solid, where, self.request, self.result):
-                    return name
+        places = [frames[link] @ local for link, _, local in self.moving]
+        near = [(n, i, k) for i, k in np.ndindex(len(places), len(self.standing)) for n in self._near(i, k, places[i])]
+        for n, i, k in sorted(near):
+            name, solid, where = self.standing[k]
+            place = coal.Transform3s(places[i][n, :3, :3], places[i][n, :3, 3])
+            self.result.clear()
+            if coal.collide(self.moving[i][1], place, solid, where, self.request, self.result):
+                return name
         return ""
 
+    def _near(self, i: int, k: int, place: np.ndarray) -> list[int]:
+        """Postures in which the ball around what moves meets the box around what stands."""
+        geometry, (_, solid, where) = self.moving[i][1], self.standing[k]
+        ball = place[:, :3, :3] @ geometry.aabb_center + place[:, :3, 3]
+        p, box = (ball - where.getTranslation()) @ where.getRotation(), solid.aabb_local
+        away = np.linalg.norm(p - np.clip(p, box.min_, box.max_), axis=1)
+        return np.flatnonzero(away <= geometry.aabb_radius).tolist()
+
     def way(self, start: np.ndarray, end: np.ndarray, step: float = np.radians(0.7)) -> str:
-        """What a straight way hits."""
+        """What a straight way hits first."""
         count = int(np.ceil(np.abs(end - start).max() / step)) + 1
-        return next((h for s in np.linspace(0, 1, count) if (h := self.hit(start + s * (end - start)))), "")
+        return self.hit(start + np.linspace(0, 1, count)[:, None] * (end - start))
 
 
 def _geometry(shape):
