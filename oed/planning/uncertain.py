@@ -37,22 +37,25 @@ class UncertainEdges(Edges):
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
     ) -> Bool[np.ndarray, " ways"]:
         """As the usual ways are, and for nearly all robots."""
-        return super().clear(start, end, step) & (self._hits(start, end) <= self.risk)
+        ok = super().clear(start, end, step)
+        some = np.flatnonzero(ok)
+        ok[some] = self._spared(start[some], end[some])
+        return ok
 
-    def _hits(
+    def _spared(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
-    ) -> Float[np.ndarray, " ways"]:
-        """Share of the robots that hit the jig on each way."""
-        cell = self.clearance.cell
-        q = between(start, end, POINTS)
-        hits = np.zeros(len(q))
-        for theta in self.robots:
-            tip, R = cell.kinematics.tip(q.reshape(-1, q.shape[2]), theta)
+    ) -> Bool[np.ndarray, " ways"]:
+        """Ways on which no more than the allowed share of the robots hit the jig."""
+        cell, most = self.clearance.cell, self.risk * len(self.robots)
+        q, hits = between(start, end, POINTS), np.zeros(len(start))
+        for theta in self.robots if self.risk < 1.0 else ():
+            rest = np.flatnonzero(hits <= most)
+            tip, R = cell.kinematics.tip(q[rest].reshape(-1, q.shape[2]), theta)
             inside = np.zeros(len(tip), dtype=bool)
             for point in (tip, tip - STICKOUT / 2 * R[:, :, 2]):
                 inside |= self.clearance.segments_near(point.T, point.T, np.full(len(point), ROOM))
-            hits += inside.reshape(len(q), POINTS).any(axis=1)
-        return hits / max(len(self.robots), 1)
+            hits[rest] += inside.reshape(len(rest), POINTS).any(axis=1)
+        return hits <= most
 
 
 @dataclass(frozen=True, eq=False)
