@@ -8,15 +8,7 @@ from oracle import forward
 from virtual_support import make_plan
 
 from identify.model.cell import Wire
-from studies.many import (
-    calibrate_many,
-    draw_faces,
-    draw_many,
-    errors_in_zone,
-    linear_identification,
-    touch_every,
-    touch_many,
-)
+from studies.many import draw_faces, draw_many, errors_in_zone, linear_identification, touch_every, touch_many
 
 ROBOTS = 3
 
@@ -56,26 +48,6 @@ def test_all_touches_of_a_face_share_what_it_is_off_by(cell, plan, rng):
         of_face = proud[:, [face == name for face in plan.face]]
         assert np.ptp(of_face, axis=1).max() == 0
         assert of_face[:, 0].std() == pytest.approx(cell.jig.by_name[name].tolerance, rel=0.2)
-
-
-def test_robots_drawn_keep_what_is_fixed(cell, rng):
-    drawn = draw_many(replace(cell, fixed=frozenset({"j1.d"})), 500, rng)
-    k = cell.robot.parameters.index("j1.d")
-
-    assert np.ptp(drawn[:, k]) == 0
-    np.testing.assert_allclose(drawn.std(axis=0)[:6], cell.prior[:6], rtol=0.15)
-
-
-def test_exact_touches_find_each_robot_as_if_it_were_alone(cell, plan, theta, rng):
-    touches = touch_every(cell, theta, plan, rng, sigma=0.0)
-    zone = plan.q[:10]
-
-    together = calibrate_many(cell, touches)
-
-    assert together.converged.all()
-    assert errors_in_zone(cell, theta, together.theta, zone).max() < 0.02  # [mm]; the priors weigh a little
-    one = replace(touches, q=touches.q[:1], hit=touches.hit[:1])
-    np.testing.assert_allclose(calibrate_many(cell, one).theta[0], together.theta[0], atol=1e-6)
 
 
 def test_linear_steps_with_the_jacobian_of_here_end_where_least_squares_does(cell, plan, theta, rng):
