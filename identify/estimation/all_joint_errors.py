@@ -94,7 +94,7 @@ def _require_agreement(used: Bool[np.ndarray, " rows"]) -> None:
 
 def shown(cell: Cell, rows: Rows) -> tuple[str, ...]:
     """Error models that measurements can show: without a temperature, no link grows."""
-    warm = rows.conditions is not None and bool(np.ptp(rows.conditions[:, -1]) > 0)
+    warm = rows.conditions is not None and bool(np.ptp(rows.conditions[:, -2]) > 0)
     return tuple(name for name in ERROR_MODELS if name != "thermal" or warm or name in cell.robot.errors)
 
 

@@ -76,7 +76,7 @@ class _Search:
         self.free = free(self.cell)
         self.prior = self.cell.prior[self.free]
         self.model = measurement_model(self.cell.robot)
-        found = rows(self.cell.wire, [self.touches], self.cell.robot.temperature)
+        found = rows(self.cell.wire, [self.touches], self.cell.robot)
         self.rows = with_face_scatter(self.cell, found)
         self.rough = np.arange(len(faces)) >= len(self.cell.the_jig.faces)
         self.names = tuple(f.name for f in faces)
@@ -239,7 +239,7 @@ def free(cell: Cell) -> Bool[np.ndarray, " parameters"]:
 def provisional(cell: Cell, belief: Belief) -> Calibration:
     """A belief in the shape of a calibration, to plan touches after it; all free parameters are in it."""
     names, known = cell.robot.parameters, free(cell)
-    found: Rows = rows(cell.wire, [belief.touches], cell.robot.temperature)
+    found: Rows = rows(cell.wire, [belief.touches], cell.robot)
     model, ids = measurement_model(cell.robot), belief.touches.ids
     before, after = (model.residual(theta, found) for theta in (cell.theta, belief.theta))
     good = after[belief.used]

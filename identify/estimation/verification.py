@@ -37,7 +37,7 @@ class Verification:
 def verify(calibration: Calibration, *tables: Measurements) -> Verification:
     """Errors of the nominal and of the identified robot; raises InputError if a measurement was used in the fit."""
     cell = calibration.cell
-    found = rows(cell.wire, tables, cell.robot.temperature, cell.places)
+    found = rows(cell.wire, tables, cell.robot, cell.places)
     if not len(found):
         raise InputError("there is nothing to verify with: no touch of status hit, no position")
     require_unseen(calibration, found, "errors there are no accuracy; verify with others")

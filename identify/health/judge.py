@@ -131,7 +131,7 @@ class _Check:
     @classmethod
     def of(cls, calibration: Calibration, touches: Touches, unseen: bool = True) -> "_Check":
         cell = calibration.cell
-        equations = rows(cell.wire, [touches], cell.robot.temperature)
+        equations = rows(cell.wire, [touches], cell.robot)
         if len(equations) < LEAST:
             raise InputError(
                 f"{len(equations)} touches are too few to judge a robot by; make {LEAST} at least, better 12"

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.compiled.batch import Mapped, compiled
-from identify.model.joint_error_models import CONDITIONAL, conditions
+from identify.model.joint_error_models import CONDITIONAL, FURTHER, conditions
 from identify.model.kinematics import AXIS, ONE, POINT, ZERO, jig_T_tip, symbols
 from identify.model.robot import Robot
 
@@ -206,7 +206,7 @@ class MeasurementModel:
         further = {"places": rows.places, "turn": rows.turn, "conditions": rows.conditions}
         row |= {key: column for key, column in further.items() if column is not None}
         if rows.conditions is None:
-            row["conditions"] = np.zeros((len(rows), len(self.robot.joints) + 1))
+            row["conditions"] = np.zeros((len(rows), len(self.robot.joints) + FURTHER))
         return function(*(row[key] for key in function.names))
 
 

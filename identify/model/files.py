@@ -130,7 +130,7 @@ class Sheet:
     def stop(self) -> None:
         """Raise what was found, all of it."""
         if self.mistakes:
-            raise InputError(self.mistakes)
+            raise InputError(list(dict.fromkeys(self.mistakes)))
 
     def text(self, name: str, default: str = "") -> list[str]:
         """A column of text, stripped."""

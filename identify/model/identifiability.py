@@ -146,7 +146,7 @@ def _conditions(
     """Conditions of the generic poses: drawn from those that there were, or directions and a span of 10 K."""
     if conditions is not None and len(conditions):
         return conditions[rng.integers(len(conditions), size=shape[0])]
-    return np.column_stack([rng.choice([-1.0, 1.0], shape), rng.uniform(-5, 5, shape[0])])
+    return np.column_stack([rng.choice([-1.0, 1.0], shape), rng.uniform(-5, 5, shape[0]), np.zeros(shape[0])])
 
 
 def _clean(coefficient: float) -> float:

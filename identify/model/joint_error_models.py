@@ -100,13 +100,13 @@ class Term:
 class Arm:
     """A robot in a posture, as its error models see it.
 
-    `conditions` are how a touch was made: the direction of every joint's motion into it (-1, 0 or 1) and the
-    temperature above the reference [K].
+    `conditions` are how a touch was made: the direction of every joint's motion into it (-1, 0 or 1), the temperature
+    above the reference [K], and the payload beyond that of the robot, as a part of it.
     """
 
     def __init__(self, robot: Dimensions, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> None:
         self.robot, self.q, self.tool = robot, q, tool
-        self.direction, self.warmth = conditions[:-1], conditions[-1]
+        self.direction, self.warmth, self.beyond = conditions[:-2], conditions[-2], conditions[-1]
 
     @cached_property
     def frames(self) -> list[tuple[ca.SX, ca.SX]]:
@@ -123,11 +123,12 @@ class Arm:
         return frames
 
     @cached_property
-    def weights(self) -> list[tuple[int, str, ca.SX, float]]:
+    def weights(self) -> list[tuple[int, str, ca.SX, ca.SX | float]]:
         """The link that carries a weight, its name, its place [mm] in the base frame, and its size [N].
 
         Where masses are not given, a weight of one newton hangs at the origin of every link and one at the payload, or
-        at the tip: any mass that lies in between is a combination of these.
+        at the tip: any mass that lies in between is a combination of these. That of the payload is larger by the part
+        by which a measurement's own payload is; its centre stays.
         """
         robot, last = self.robot, len(self.robot.joints)
         R, p = self.frames[-1]
@@ -135,14 +136,15 @@ class Arm:
         R = R @ ca.SX(robot.last_T_flange[:3, :3])
         mass, centre = robot.payload if robot.payload else (0.0, (0.0, 0.0, 0.0))
         load = flange + R @ (ca.SX(list(centre)) if robot.payload else self.tool[:3])
+        larger = 1 + self.beyond if robot.payload else 1.0
         if not robot.weighed:
             points = [(k, f"sag{k}", self.frames[k][1], 1.0) for k in range(1, last + 1)]
-            return [*points, (last, "load", load, 1.0)]
+            return [*points, (last, "load", load, larger)]
         links = [
             (k, "", self.frames[k][1] + self.frames[k][0] @ ca.SX(list(joint.centre)), joint.mass * GRAVITY)
             for k, joint in enumerate(robot.joints, 1)
         ]
-        return [*links, (last, "", load, mass * GRAVITY)]
+        return [*links, (last, "", load, mass * GRAVITY * larger)]
 
     def torque(self, joint: int, place: ca.SX) -> ca.SX:
         """Torque of one newton about the axis of a joint [Nm]."""
@@ -240,7 +242,8 @@ ERROR_MODELS: dict[str, Callable[[Arm], Iterator[Term]]] = {
     "thermal": thermal,
 }
 """Joint error models by the names that robot and cell files use."""
-CONDITIONAL = {"backlash", "thermal"}  # those that depend on how a touch was made
+CONDITIONAL = {"backlash", "thermal", "compliance"}  # those that depend on how a touch was made
+FURTHER = 2  # conditions beside the directions of the joints: temperature and payload
 
 
 def terms(robot: Dimensions, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> list[Term]:
@@ -264,8 +267,8 @@ def parameters(robot: Dimensions) -> tuple[tuple[str, str, str], ...]:
 
 
 def conditions(robot: Dimensions) -> ca.SX:
-    """Directions of the joints and temperature above the reference, as symbols."""
-    return ca.SX.sym("conditions", len(robot.joints) + 1)
+    """Directions of the joints, temperature above the reference and payload beyond the robot's, as symbols."""
+    return ca.SX.sym("conditions", len(robot.joints) + FURTHER)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,13 +283,13 @@ class Deflected:
 def deflected(robot: Dimensions, q: ca.SX, theta: ca.SX, conditions: ca.SX | None = None) -> Deflected:
     """What the error models make of commanded joint values and identified parameters.
 
-    Without conditions `made`, the temperature is the reference and gravity tells where joints rest.
+    Without `conditions`, temperature and payload are the robot's and gravity tells where joints rest.
     """
     if not robot.errors:
         return Deflected(q, theta, None)
     joints = len(robot.joints)
     place = {name: 6 + 5 * joints + k for k, (name, _, _) in enumerate(robot.error_parameters)}
-    errors = terms(robot, q, theta[-6:], ca.SX.zeros(joints + 1) if conditions is None else conditions)
+    errors = terms(robot, q, theta[-6:], ca.SX.zeros(joints + FURTHER) if conditions is None else conditions)
     angles, longer, tilt = ca.SX(q), ca.SX.zeros(joints), ca.SX.zeros(3)
     for term in errors:  # perhaps fewer than there are parameters: without conditions some do nothing
         for (kind, i), shape in term.shapes.items():

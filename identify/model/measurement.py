@@ -14,6 +14,8 @@ from jaxtyping import Float
 from identify.model.cell import Cell, Wire
 from identify.model.equations import LEVER, MeasurementModel, Rows, measurement_model
 from identify.model.frames import rotation
+from identify.model.joint_error_models import FURTHER
+from identify.model.robot import Robot
 from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
 
 __all__ = [
@@ -35,10 +37,11 @@ Measurements = Touches | Positions | Poses | Distances | Contacts
 Places = Mapping[str, Float[np.ndarray, " 3"]]  # coordinates [mm] of named points
 
 
-def rows(wire: Wire, tables: Sequence[Measurements], reference: float = 20.0, places: Places | None = None) -> Rows:
+def rows(wire: Wire, tables: Sequence[Measurements], robot: Robot | None = None, places: Places | None = None) -> Rows:
     """The equations of measurements, in their order.
 
-    `reference` [degC] is the temperature of the robot; `places` [mm] are the points that distances and contacts name.
+    Temperature and payload of a measurement count from those of the robot; without it, none counts. `places` [mm] are
+    the points that distances and contacts name.
     """
     parts = [_of(table).rows(wire, table, places or {}) for table in tables]
     first = np.cumsum([0, *(len(table) for table in tables)])
@@ -47,7 +50,7 @@ def rows(wire: Wire, tables: Sequence[Measurements], reference: float = 20.0, pl
         whole,
         ids=tuple(name for table in tables for name in table.ids),
         owner=np.concatenate([part.owner + start for part, start in zip(parts, first[:-1], strict=True)]),
-        conditions=np.concatenate([_conditions(*pair, reference) for pair in zip(tables, parts, strict=True)]),
+        conditions=np.concatenate([_conditions(*pair, robot) for pair in zip(tables, parts, strict=True)]),
         block=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
         face=tuple(name for part in parts for name in part.face or ("",) * len(part)),
         placement=_spread(tables, parts, "placement"),
@@ -57,7 +60,7 @@ def rows(wire: Wire, tables: Sequence[Measurements], reference: float = 20.0, pl
 
 def equations(cell: Cell, tables: Sequence[Measurements]) -> Rows:
     """The rows of measurements in a cell, and those of the spacings between points that they name."""
-    whole = rows(cell.wire, tables, cell.robot.temperature, cell.places)
+    whole = rows(cell.wire, tables, cell.robot, cell.places)
     here = set(whole.point)
     pairs = [(s.start, s.end, s.distance, s.sigma) for s in cell.spacings if here & {s.start, s.end}]
     if not pairs:
@@ -65,7 +68,7 @@ def equations(cell: Cell, tables: Sequence[Measurements]) -> Rows:
     further = spacing_rows(pairs, cell.places, len(cell.robot.joints))
     both, count = _concatenated([whole, further]), len(whole)
     blank = ("",) * len(further)
-    conditions = np.zeros((len(further), len(cell.robot.joints) + 1))
+    conditions = np.zeros((len(further), len(cell.robot.joints) + FURTHER))
     return replace(
         both,
         ids=whole.ids + further.ids,
@@ -131,24 +134,27 @@ def _spread(tables: Sequence[Measurements], parts: Sequence[Rows], column: str) 
     return names if any(names) else ()
 
 
-def _conditions(table: Measurements, part: Rows, reference: float) -> Float[np.ndarray, "rows conditions"]:
-    """Direction of every joint into a touch, and temperature above the reference; 0 where nothing was recorded."""
-    temperature = getattr(table, "temperature", None)
-    warmth = np.zeros(len(table)) if temperature is None else np.nan_to_num(temperature - reference)
-    if isinstance(table, Touches):
-        return touch_conditions(table.q, table.approach, warmth)
-    return np.column_stack([np.zeros_like(part.q), warmth[part.owner]])
+def _conditions(table: Measurements, part: Rows, robot: Robot | None) -> Float[np.ndarray, "rows conditions"]:
+    """Direction of every joint into a touch, warmth [K] and further payload; 0 where not recorded."""
+    warmth = beyond = np.zeros(len(table))
+    if robot is not None and table.temperature is not None:
+        warmth = np.nan_to_num(table.temperature - robot.temperature)
+    if robot is not None and robot.payload is not None and table.payload is not None:
+        beyond = np.nan_to_num(table.payload / robot.payload[0] - 1)
+    approach = table.approach if isinstance(table, Touches) else None
+    return touch_conditions(table.q, approach, warmth, beyond)[part.owner]
 
 
 def touch_conditions(
     q: Float[np.ndarray, "rows joints"],
     approach: Float[np.ndarray, "rows joints"] | None,
     warmth: Float[np.ndarray, " rows"] | float = 0.0,
+    beyond: Float[np.ndarray, " rows"] | float = 0.0,
 ) -> Float[np.ndarray, "rows conditions"]:
-    """Conditions of touches searched from an approach, so much [K] above the reference."""
+    """Conditions of touches searched from an approach, so much [K] above the reference, with so much more payload."""
     step = np.zeros_like(q) if approach is None else q - approach
     direction = np.where(np.abs(step) > STILL, np.sign(step), 0.0)  # NaN, not recorded, is not above STILL
-    return np.column_stack([direction, np.broadcast_to(warmth, len(q))])
+    return np.column_stack([direction, np.broadcast_to(warmth, len(q)), np.broadcast_to(beyond, len(q))])
 
 
 def _touch_rows(wire: Wire, touches: Touches, places: Places) -> Rows:
@@ -230,7 +236,7 @@ def spacing_rows(pairs: Sequence[tuple[str, str, float, float]], places: Places,
         np.array([pair[3] for pair in pairs]),
         tuple(f"spacing {a} {b}" for a, b, _, _ in pairs),
         np.arange(m),
-        np.zeros((m, joints + 1)),
+        np.zeros((m, joints + FURTHER)),
         equation=("spacing",) * m,
         point=tuple(pair[0] for pair in pairs),
         second=tuple(pair[1] for pair in pairs),

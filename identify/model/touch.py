@@ -56,6 +56,8 @@ class Touches(Table):
     """Names of further stands of the jig; None or empty: its first."""
     tool: tuple[str, ...] | None = None
     """Names of further wires; None or empty: the tool of the cell."""
+    payload: Float[np.ndarray, " touches"] | None = None
+    """[kg] that the flange carried, NaN where not recorded."""
 
 
 def joined(a: Touches, b: Touches) -> Touches:
@@ -85,6 +87,8 @@ class Positions(Table):
     """Names of further targets; None or empty: the tool of the cell."""
     temperature: Float[np.ndarray, " positions"] | None = None
     """[degC], NaN where not read."""
+    payload: Float[np.ndarray, " positions"] | None = None
+    """[kg] that the flange carried, NaN where not recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +110,8 @@ class Poses(Table):
     tool: tuple[str, ...] | None = None
     temperature: Float[np.ndarray, " poses"] | None = None
     """[degC], NaN where not read."""
+    payload: Float[np.ndarray, " poses"] | None = None
+    """[kg] that the flange carried, NaN where not recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +131,8 @@ class Distances(Table):
     tool: tuple[str, ...] | None = None
     temperature: Float[np.ndarray, " distances"] | None = None
     """[degC], NaN where not read."""
+    payload: Float[np.ndarray, " distances"] | None = None
+    """[kg] that the flange carried, NaN where not recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +150,8 @@ class Contacts(Table):
     tool: tuple[str, ...] | None = None
     temperature: Float[np.ndarray, " contacts"] | None = None
     """[degC], NaN where not read."""
+    payload: Float[np.ndarray, " contacts"] | None = None
+    """[kg] that the flange carried, NaN where not recorded."""
 
 
 @dataclass(frozen=True, eq=False)

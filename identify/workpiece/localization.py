@@ -140,7 +140,7 @@ def _contacts(calibration: Calibration, touches: Touches) -> Contacts:
     cell, theta = calibration.cell, calibration.theta.copy()
     theta[:6] = 0.0
     tip, R = cell.kinematics.tip(touches.q, theta)
-    equations = rows(cell.wire, [touches], cell.robot.temperature)
+    equations = rows(cell.wire, [touches], cell.robot)
     return Contacts(equations.normal, equations.offset, tip, R[:, :, 2], equations.radius)
 
 
@@ -159,7 +159,7 @@ def _robot(calibration: Calibration, touches: Touches, at: Placement) -> Float[n
     """
     cell, theta = calibration.cell, calibration.theta
     jig_T_workpiece = transform(theta[:6]) @ _matrix(at)
-    equations = rows(cell.wire, [touches], cell.robot.temperature)
+    equations = rows(cell.wire, [touches], cell.robot)
     normal = equations.normal @ jig_T_workpiece[:3, :3].T
     prior = posterior(calibration)
     unit_rows = replace(equations, normal=normal, sigma=np.ones(len(equations)), face=())

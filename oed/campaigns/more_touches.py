@@ -63,7 +63,7 @@ class MoreTouches:
     @cached_property
     def _rows(self) -> Float[np.ndarray, "touches unknowns"]:
         cell = self.calibration.cell
-        made = rows(cell.wire, [self.touches], cell.robot.temperature)
+        made = rows(cell.wire, [self.touches], cell.robot)
         return self._prior.unknowns.rows(made, self.calibration.theta)
 
     @cached_property

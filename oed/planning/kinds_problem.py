@@ -197,7 +197,7 @@ def _touches(prior: Information, rng: np.random.Generator, count: int) -> Offer:
 def _others(prior: Information, kind: str, clearance: Clearance, rng: np.random.Generator, count: int) -> Offer:
     cell, theta = prior.unknowns.cell, prior.theta
     table = measurements(cell, kind, rng, max(count // ROWS[kind], 1), theta=theta, clearance=clearance)
-    made = rows(cell.wire, [table], cell.robot.temperature, cell.places)
+    made = rows(cell.wire, [table], cell.robot, cell.places)
     tip, R = cell.kinematics.tip(table.q, theta)
     plan = Plan(table.ids, ("",) * len(table), tip, -R[:, :, 2], table.q, table.q)
     return Offer(kind, cell.device(kind).minutes, prior.unknowns.rows(made, theta), made.owner, plan, table)

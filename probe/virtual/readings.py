@@ -40,7 +40,7 @@ def readings(
     """
     if isinstance(table, Touches):
         raise ValueError("touches are made by touch_batch: what they read are the joints where the wire met the face")
-    table_rows = rows(cell.wire, [table], cell.robot.temperature, cell.places)
+    table_rows = rows(cell.wire, [table], cell.robot, cell.places)
     values: list[tuple[Named, np.ndarray]] = [
         (unknown, (further or {}).get(f"{unknown.column}.{unknown.name}", unknown.nominal)) for unknown in named(cell)
     ]

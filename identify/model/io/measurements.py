@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.files import Sheet, nearest, read_sheet
@@ -22,8 +22,9 @@ from identify.model.io.tables import (
     touches_of,
 )
 from identify.model.measurement import Measurements
-from identify.model.touch import Contacts, Distances, Poses, Positions, Touches
+from identify.model.touch import Contacts, Distances, Poses
 
+NAN = float("nan")
 ANGLES = ("rz_deg", "ry_deg", "rx_deg")
 CONDITIONS = ("sigma_mm", "sigma_deg", "placement", "tool", "payload_kg", "temperature_c", "note")
 COLUMNS = {"distance": ("anchor", "distance_mm"), "contact": ("point",), "pose": ANGLES, "position": POINT}
@@ -33,7 +34,7 @@ COLUMNS = {"distance": ("anchor", "distance_mm"), "contact": ("point",), "pose":
 def read_measurements(path: Path | str, cell: Cell, *, trust_units: bool = False) -> tuple[Measurements, ...]:
     """Read touches, positions, poses, distances and contacts, a table each; raises InputError with every mistake.
 
-    Rows may name a further `placement` or `tool` of the cell.
+    Rows may name a further `placement` or `tool` of the cell, and the temperature and the payload of the robot.
     """
     known = [*touch_columns(cell.robot), *CONDITIONS, *(c for columns in COLUMNS.values() for c in columns)]
     sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], known)
@@ -42,8 +43,9 @@ def read_measurements(path: Path | str, cell: Cell, *, trust_units: bool = False
     _check_payload(sheet, cell)
     kinds = _kinds(sheet)
     tables = [
-        READERS[kind](_part(sheet, [k == kind for k in kinds]), cell, trust_units)
+        _with_conditions(READERS[kind](part, cell, trust_units), part, cell)
         for kind in dict.fromkeys(kinds or ["touch"])
+        for part in [_part(sheet, [k == kind for k in kinds])]
     ]
     sheet.stop()
     return tuple(tables)
@@ -77,17 +79,6 @@ def _part(sheet: Sheet, rows: Sequence[bool]) -> Sheet:
     return sheet if all(rows) else rows_of(sheet, np.array(rows))
 
 
-def _touches(sheet: Sheet, cell: Cell, trust_units: bool) -> Touches:
-    part = touches_of(sheet, cell, trust_units)
-    return replace(part, placement=_names(sheet, "placement", cell.placements), tool=_names(sheet, "tool", cell.tools))
-
-
-def _positions(sheet: Sheet, cell: Cell, trust_units: bool) -> Positions:
-    part = positions_of(sheet, cell, trust_units)
-    placement, tool = _names(sheet, "placement", cell.placements), _names(sheet, "tool", cell.tools)
-    return replace(part, placement=placement, tool=tool, temperature=_temperature(sheet))
-
-
 def _poses(sheet: Sheet, cell: Cell, trust_units: bool) -> Poses:
     turn = sheet.numbers("sigma_deg", float(np.degrees(cell.device("pose").turn_sigma)))
     return Poses(
@@ -97,9 +88,6 @@ def _poses(sheet: Sheet, cell: Cell, trust_units: bool) -> Poses:
         np.radians(block_of(sheet, ANGLES)),
         sigma_of(sheet, cell.sigma("pose")),
         np.radians(turn),
-        _names(sheet, "placement", cell.placements),
-        _names(sheet, "tool", cell.tools),
-        _temperature(sheet),
     )
 
 
@@ -113,9 +101,6 @@ def _distances(sheet: Sheet, cell: Cell, trust_units: bool) -> Distances:
         _points(sheet, "anchor", cell),
         distance,
         sigma_of(sheet, cell.sigma("distance")),
-        _names(sheet, "placement", cell.placements),
-        _names(sheet, "tool", cell.tools),
-        _temperature(sheet),
     )
 
 
@@ -125,9 +110,6 @@ def _contacts(sheet: Sheet, cell: Cell, trust_units: bool) -> Contacts:
         joints_of(sheet, cell.robot, trust_units),
         _points(sheet, "point", cell),
         sigma_of(sheet, cell.sigma("contact")),
-        _names(sheet, "placement", cell.placements),
-        _names(sheet, "tool", cell.tools),
-        _temperature(sheet),
     )
 
 
@@ -153,28 +135,31 @@ def _names(sheet: Sheet, column: str, of_cell: Mapping[str, object]) -> tuple[st
     return tuple(names)
 
 
-def _temperature(sheet: Sheet) -> Float[np.ndarray, " rows"] | None:
-    """Temperatures [degC], NaN where a cell is empty; None if the file has no such column."""
-    return sheet.numbers("temperature_c", float("nan")) if "temperature_c" in sheet.columns else None
+def _with_conditions(table: Measurements, sheet: Sheet, cell: Cell) -> Measurements:
+    """A table and how its rows were measured: stand, tool, temperature and payload, where the file has columns."""
+    part = rows_of(sheet, np.isin(sheet.text("id"), table.ids))  # touches that missed are not in the table
+    found: dict[str, Any] = {"placement": _names(part, "placement", cell.placements)}
+    found["tool"] = _names(part, "tool", cell.tools)
+    for field, column in {"temperature": "temperature_c", "payload": "payload_kg"}.items():
+        if column in sheet.columns and getattr(table, field) is None:
+            found[field] = part.numbers(column, NAN)
+    return replace(table, **found)
 
 
 def _check_payload(sheet: Sheet, cell: Cell) -> None:
-    """Every row was measured with one payload, that of the cell if it states one."""
-    if "payload_kg" not in sheet.columns:
-        return
-    payload = sheet.numbers("payload_kg", float("nan"))
-    values = payload[~np.isnan(payload)]
-    if not len(values):
-        return
-    reference = cell.robot.payload[0] if cell.robot.payload else float(values[0])
-    for row in np.flatnonzero(np.abs(payload - reference) > 1e-9).tolist():
-        text = f"payload_kg is {payload[row]:g}, other than {reference:g}: the robot bends otherwise"
-        sheet.wrong(row, f"{text}; identify from measurements with one payload, that of payload: in cell.yaml")
+    """Payloads are no less than nothing; where they differ, the cell says what the robot carries and where."""
+    payload = sheet.numbers("payload_kg", NAN) if "payload_kg" in sheet.columns else np.empty(0)
+    given = payload[~np.isnan(payload)]
+    for row in np.flatnonzero(payload < 0).tolist():
+        sheet.wrong(row, f"payload_kg is {payload[row]:g}, expected the mass at the flange, 0 or more")
+    for row in np.flatnonzero(np.abs(payload - given[:1]) > 1e-9).tolist() if cell.robot.payload is None else ():
+        text = f"payload_kg is {payload[row]:g}, other than {given[0]:g}, and nothing says where it hangs"
+        sheet.wrong(row, f"{text}; write payload: {{mass_kg: {given[0]:g}, centre_mm: [x, y, z]}} into cell.yaml")
 
 
 READERS: dict[str, Callable[[Sheet, Cell, bool], Measurements]] = {
-    "touch": _touches,
-    "position": _positions,
+    "touch": touches_of,
+    "position": positions_of,
     "pose": _poses,
     "distance": _distances,
     "contact": _contacts,

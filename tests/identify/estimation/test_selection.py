@@ -39,12 +39,14 @@ def made(cell, errors, rng, sizes=(1.0, 2.0)):
         approach=q - 0.05 * rng.choice([-1, 1], q.shape),
         temperature=rng.uniform(10, 30, TOUCHES),
     )
-    where = measurement_model(robot).residual(theta, rows(true.wire, [replace(touches, offset=np.zeros(TOUCHES))]))
+    where = measurement_model(robot).residual(
+        theta, rows(true.wire, [replace(touches, offset=np.zeros(TOUCHES))], robot)
+    )
     return true, theta, replace(touches, offset=where + SIGMA * rng.standard_normal(TOUCHES))
 
 
 def chosen(cell, touches, rng):
-    problem = Problem.pose(cell, rows(cell.wire, [touches], cell.robot.temperature), "huber", True)
+    problem = Problem.pose(cell, rows(cell.wire, [touches], cell.robot), "huber", True)
     return select(problem, rng)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cells import cell_of
+from measured import positions_at
 
 from identify.estimation.calibrate import calibrate
 from identify.model.files import InputError
@@ -13,7 +14,7 @@ from identify.model.io.description import library, read_cell, read_robot
 from identify.model.io.entries import cell_entry, cell_from_entry
 from identify.model.joint_error_models import ERROR_MODELS, SIZES
 from identify.model.kinematics import Kinematics
-from identify.model.measurement import Rows, measurement_model, tip_rows, touch_conditions
+from identify.model.measurement import Rows, measurement_model, rows, tip_rows, touch_conditions
 from identify.model.robot import Robot
 
 MASSES = (12.0, 9.0, 7.0, 3.0, 2.0, 0.5, 0.4)
@@ -36,7 +37,7 @@ def postures(robot: Robot, rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def touched(robot: Robot, rng: np.random.Generator, m: int) -> Rows:
-    """Planes met from both sides, at many temperatures."""
+    """Planes met from both sides, at many temperatures and with many payloads."""
     joints = len(robot.joints)
     normal = rng.normal(size=(m, 3))
     return Rows(
@@ -47,7 +48,7 @@ def touched(robot: Robot, rng: np.random.Generator, m: int) -> Rows:
         np.ones(m),
         (),
         np.arange(m),
-        np.column_stack([rng.choice([-1.0, 0, 1], (m, joints)), rng.normal(0, 5, m)]),
+        np.column_stack([rng.choice([-1.0, 0, 1], (m, joints)), rng.normal(0, 5, m), rng.uniform(-1, 2, m)]),
     )
 
 
@@ -152,8 +153,6 @@ def test_what_geometry_explains_is_not_called_an_error(arc_welder):
 
 
 def test_a_calibration_estimates_the_errors_it_is_asked_for(rng):
-    from measured import positions_at
-
     cell = replace(cell_of("irb120"), robot=robot_with(("harmonics",)))
     theta = cell.theta.copy()
     theta[cell.robot.parameters.index("j2.cos2")] = np.radians(0.03)
@@ -165,6 +164,42 @@ def test_a_calibration_estimates_the_errors_it_is_asked_for(rng):
     i = cell.robot.parameters.index("j2.cos2")
     assert found.theta[i] == pytest.approx(theta[i], abs=3 * found.sigma[i])
     assert np.degrees(found.sigma[i]) < 0.003
+
+
+def test_rows_with_two_payloads_recover_the_robot_that_bends_under_both(rng):
+    """The truth is measured on two robots, each with a payload of its own; the rows say which mass hung where."""
+    robot = robot_with(("compliance",), weighed=True)
+    cell = replace(cell_of("irb120"), robot=robot)
+    heavy = replace(cell, robot=replace(robot, payload=(12.0, robot.payload[1])))
+    theta = cell.theta.copy()
+    for name in ("j2.compliance", "j3.compliance"):
+        theta[robot.parameters.index(name)] = 20 * SIZES["compliance_deg_knm"].inside
+    q = postures(robot, rng, 60)
+    light = positions_at(cell, theta, q[:30], rng, 0.02)
+    laden = positions_at(heavy, theta, q[30:], rng, 0.02)
+    laden = replace(laden, ids=tuple(f"h{i}" for i in range(30)))
+    stated = [replace(light, payload=np.full(30, np.nan)), replace(laden, payload=np.full(30, 12.0))]
+
+    def off(tables):
+        found = calibrate(cell, *tables, folds=0, errors="cell")
+        r = measurement_model(cell.robot).residual(found.theta, rows(cell.wire, stated, cell.robot))
+        return np.sqrt(np.mean(r**2))
+
+    assert off(stated) < 0.023
+    assert off([light, laden]) > 0.1  # [mm]: without the column, one robot cannot be both
+
+
+def test_twice_the_payload_bends_a_joint_of_unknown_weights_twice_as_far(rng):
+    robot = replace(robot_with(("compliance",)), payload=(3.0, (10.0, 0.0, 80.0)))
+    q = postures(robot, rng, 5)
+    once, twice = (robot.theta(BASE, TOOL) for _ in range(2))
+    for theta, size in ((once, 1.0), (twice, 2.0)):
+        theta[robot.parameters.index("j2.load")] = size * SIZES["sag_deg_m"].usual * SIZES["sag_deg_m"].inside
+    heavy = replace(tip_rows(q), conditions=np.hstack([np.zeros((15, 7)), np.ones((15, 1))]))
+    model = measurement_model(robot)
+
+    np.testing.assert_allclose(model.residual(once, heavy), model.residual(twice, tip_rows(q)), atol=1e-9)
+    assert np.abs(model.residual(once, heavy) - model.residual(once, tip_rows(q))).max() > 0.1
 
 
 def test_a_cell_asks_for_error_models_and_travels_with_them(tmp_path):
@@ -261,8 +296,6 @@ def test_the_tip_is_where_touches_of_unknown_conditions_say(errors, rng):
 
 
 def test_a_calibration_with_many_joint_errors_is_read_as_it_was_written(tmp_path, rng):
-    from measured import positions_at
-
     from identify.model.io.calibration_file import read_calibration, write_calibration
 
     cell = replace(cell_of("irb120"), robot=robot_with(tuple(ERROR_MODELS)))

@@ -134,7 +134,7 @@ def test_a_robot_may_truly_have_errors_that_its_cell_knows_nothing_of(arc_welder
     touches = hits(touch_batch(arc_welder, bending, plan, rng, sigma=0.0))
 
     geometric = gaps(arc_welder, arc_welder.theta, touches)
-    true = rows(arc_welder.wire, [touches], bending.robot.temperature)
+    true = rows(arc_welder.wire, [touches], bending.robot)
     assert np.sqrt(np.mean(geometric**2)) > 0.3
     off = measurement_model(bending.robot).residual(bending.theta, true)
     assert np.abs(off).max() < 0.01  # [mm]: the directions are recorded, temperatures too

@@ -115,17 +115,41 @@ def test_rows_of_every_kind_may_say_how_warm_the_robot_was(read, cell):
         + f"e,,,,,,,,,,pin,,{Q}\n"
     )
 
-    made = rows(cell.wire, tables, 20.0, cell.places)
+    made = rows(cell.wire, tables, cell.robot, cell.places)
 
-    warmth = [made.conditions[made.owner == k, -1] for k in range(5)]
+    warmth = [made.conditions[made.owner == k, -2] for k in range(5)]
     assert [len(part) for part in warmth] == [1, 3, 6, 1, 3]
     assert [set(part.tolist()) for part in warmth] == [{11.0}, {12.0}, {13.0}, {14.0}, {0.0}]
 
 
-def test_payloads_that_differ_are_refused_with_their_lines(read, cell):
+def test_rows_of_every_kind_may_say_what_the_flange_carried(read, cell, tmp_path):
+    robot = replace(cell.robot, payload=(4.0, (0.0, 0.0, 50.0)))
+    (tmp_path / "measured.csv").write_text(
+        f"id,face,x_mm,y_mm,z_mm,anchor,distance_mm,point,payload_kg,status,{JOINTS}\n"
+        + f"a,top-high,,,,,,,5,hit,{Q}\n"
+        + f"missed,top-high,,,,,,,1,miss,{Q}\n"
+        + f"b,,1,2,300,,,,0,,{Q}\nc,,,,,pin,400,,8,,{Q}\nd,,,,,,,pin,,,{Q}\n"
+    )
+
+    tables = read_measurements(tmp_path / "measured.csv", replace(cell, robot=robot))
+    made = rows(cell.wire, tables, robot, cell.places)
+
+    beyond = {name: set(made.conditions[made.owner == k, -1].tolist()) for k, name in enumerate(made.ids)}
+    assert beyond == {"a": {0.25}, "b": {-1.0}, "c": {1.0}, "d": {0.0}}
+
+
+def test_payloads_that_differ_need_to_know_where_they_hang(read, cell):
     header = f"id,face,payload_kg,{JOINTS}\n"
 
     assert len(read(header + f"a,top-high,5,{Q}\nb,top-high,,{Q}\nc,top-high,5,{Q}\n")[0]) == 3
     ((line, text),) = wrong(read, header + f"a,top-high,5,{Q}\nb,top-high,7.5,{Q}\n")
     assert line == 3
     assert "payload_kg is 7.5, other than 5" in text
+    assert "payload: {mass_kg: 5, centre_mm: [x, y, z]} into cell.yaml" in text
+
+
+def test_a_payload_is_a_mass(read):
+    found = wrong(read, f"id,face,payload_kg,{JOINTS}\na,top-high,-1,{Q}\nb,top-high,two,{Q}\n")
+
+    assert [line for line, _ in found] == [2, 3]
+    assert found[0][1] == "payload_kg is -1, expected the mass at the flange, 0 or more"
