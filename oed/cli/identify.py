@@ -75,7 +75,8 @@ def identify(
     Positions and planes stand in the jig frame; anchor and point are points: of the cell file, whose distance from
     the tip was measured, or in which the tip was. A row may have sigma_mm (its scatter; that of the cell file if not
     given), status (rows other than hit are passed over), placement and tool (others than the first of the cell file),
-    temperature_c, payload_kg and note. Touches that disagree with all others are named and left out. Examples:
+    temperature_c, payload_kg (where other than payload: of the cell file) and note. Touches that disagree with all
+    others are named and left out. Examples:
 
         touchcal identify touches.csv positions.csv -o calibration.json
 

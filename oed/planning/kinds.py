@@ -15,11 +15,12 @@ from identify.model.measurement import MEASUREMENTS
 from identify.uncertainty.promise import Promise
 from oed.criteria.criteria import CRITERIA
 from oed.design.budget import BudgetDesign
-from oed.planning.kinds_problem import COUNT, KindsProblem, kinds_problem
+from oed.planning.kinds_problem import COUNT, KindsProblem, Limit, kinds_problem
 from probe.motion.roadmap import with_via
 from probe.motion.tour import Order
 
 TRIES = 5  # of choosing again where the chosen cannot be visited
+NEAR = 0.7  # of what is promised: a limit that more measurements do not pass
 SHARES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the budget, for the curve
 Progress = Callable[[str, float], None]
 
@@ -37,6 +38,7 @@ class KindsPlan:
     promise: Promise
     curve: tuple[tuple[float, float], ...]  # minutes, and the 95 % tip error in the zone to expect [mm]
     alone: dict[str, Promise]  # what each kind alone promises for the same minutes
+    limit: Limit
     notes: tuple[str, ...]
 
     @property
@@ -136,7 +138,13 @@ def _result(
                 *offer.touches.searches(offer.touches.candidates.take(index)).sentences(),
             ]
         begin += len(index)
-    alone = {}
+    alone, promised, limit = {}, problem.promised(chosen), problem.limit()
+    if limit.rms_mm > NEAR * promised.rms_mm:
+        notes.append(
+            f"however many of these are made, {limit.rms_mm:.3f} mm RMS are left in the zone, mostly by "
+            f"{', '.join(limit.names)}, which they do not tell; another kind of measurement, further anchors or faces, "
+            "or smaller tolerances would"
+        )
     if len(problem.offers) > 1:
         for offer in problem.offers:
             single = problem.only(offer.kind)
@@ -148,9 +156,10 @@ def _result(
         budget=budget,
         efficiency=found.efficiency if np.isfinite(found.efficiency) else None,
         candidates={offer.kind: len(offer) for offer in problem.offers},
-        promise=problem.promised(chosen),
+        promise=promised,
         curve=tuple((share * found.cost, problem.promised(chosen, share).p95_mm) for share in SHARES),
         alone=alone,
+        limit=limit,
         notes=tuple(notes),
     )
 
@@ -168,5 +177,6 @@ def summary(result: KindsPlan) -> dict[str, Any]:
         "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
         "alone": {kind: {"rms_mm": p.rms_mm, "p95_mm": p.p95_mm} for kind, p in result.alone.items()},
         "curve": [{"minutes": minutes, "p95_mm": error} for minutes, error in result.curve],
+        "limit_rms_mm": result.limit.rms_mm,
         "notes": list(result.notes),
     }

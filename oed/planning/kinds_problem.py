@@ -30,6 +30,8 @@ from probe.motion.roadmap import Roadmap, home, lifts
 from probe.motion.tour import Order
 
 COUNT = 2000  # candidates of each kind; a third of it of those with three rows, a sixth with six
+NAMED = 3  # unknowns that explain a limit
+MANY = 1e8  # times that all candidates are measured, for what no number of them shows
 ROWS = {"position": 3, "pose": 6, "distance": 1, "contact": 3}  # of a measurement
 
 
@@ -51,6 +53,16 @@ class Offer:
     def of(self, index: Int[np.ndarray, " some"]) -> Float[np.ndarray, "rows unknowns"]:
         """The rows of some candidates."""
         return self.rows[np.isin(self.owner, index)]
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """What any number of the candidates leaves."""
+
+    rms_mm: float
+    """RMS tip error in the zone."""
+    names: tuple[str, ...]
+    """Unknowns that have most of the direction from which most of it comes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +140,16 @@ class KindsProblem:
             if offer.touches is not None and len(index):
                 return offer.touches.promise(offer.touches.candidates.take(index), times, further=rows)
         return promise(TipErrors(self.prior.updated(rows).root(self.tip)))
+
+    def limit(self) -> Limit:
+        """The error in the zone that is left however often all candidates are measured, and whence it comes."""
+        known = self.prior.updated(np.sqrt(MANY) * self.rows)
+        tip = known.root(self.tip)
+        _, s, Vt = np.linalg.svd(tip.reshape(-1, tip.shape[-1]), full_matrices=False)
+        direction = np.abs(known.root(np.eye(len(known.R))) @ Vt[0])
+        most = np.argsort(-direction)[:NAMED]
+        names = tuple(self.prior.unknowns.names[i] for i in most if direction[i] > 0.3 * direction.max())
+        return Limit(float(np.sqrt((s**2).sum() / len(self.tip))), names)
 
     def visit(
         self, offer: Offer, index: Int[np.ndarray, " some"], rng: np.random.Generator

@@ -45,6 +45,9 @@ jig: {jig}
 # Joint errors beyond geometry, once touches have chosen them (touchcal identify --errors auto).
 # errors: [harmonics, compliance, backlash]
 
+# What the flange carries, tool and torch included; measurements with another mass say so in a column payload_kg.
+# payload: {{mass_kg: 4, centre_mm: [0, 0, 80]}}
+
 # The serial line: /dev/ttyUSB0, COM5, socket://192.168.0.5:5007; sim is the embedded virtual robot.
 {controller}
 """

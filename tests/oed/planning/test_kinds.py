@@ -49,6 +49,21 @@ def test_more_minutes_promise_more(both):
     assert errors == sorted(errors, reverse=True)
 
 
+def test_what_no_number_of_distances_tells_is_said_with_its_number(arc_welder):
+    """Two anchors leave the turn about the line that joins them to the tolerance of the base; a third fixes it."""
+    bar = Device(minutes=0.15, sigma=0.005, range=(400.0, 400.0), max_tilt=np.radians(75))
+    third = ANCHORS | {"c": Point(np.array([-50.0, -50.0, 10.0]))}
+    cells = [replace(arc_welder, points=points, devices={"distance": bar}) for points in (ANCHORS, third)]
+    two = plan_kinds(cells[0], ["distance"], 1.5, count=200)
+    limit = kinds_problem(cells[1], ["distance"], np.random.default_rng(0), count=200).limit()
+    turned = arc_welder.spread[3] * 200  # [mm]: the tolerance of the base at half the width of the zone
+
+    assert two.limit.rms_mm > 0.2 * turned > 10 * limit.rms_mm
+    assert two.limit.rms_mm < two.promise.rms_mm < two.limit.rms_mm / 0.7
+    assert any(f"however many of these are made, {two.limit.rms_mm:.3f} mm" in note for note in two.notes)
+    assert set(two.limit.names) <= {f"base.{axis}" for axis in ("x", "y", "z", "rz", "ry", "rx")}
+
+
 def test_the_certificate_bounds_plans_by_chance(problem):
     design, _ = problem.design(8.0, excursions=20)
     rng = np.random.default_rng(1)
