@@ -54,7 +54,7 @@ def test_what_no_number_of_distances_tells_is_said_with_its_number(arc_welder):
     bar = Device(minutes=0.15, sigma=0.005, range=(400.0, 400.0), max_tilt=np.radians(75))
     third = ANCHORS | {"c": Point(np.array([-50.0, -50.0, 10.0]))}
     cells = [replace(arc_welder, points=points, devices={"distance": bar}) for points in (ANCHORS, third)]
-    two = plan_kinds(cells[0], ["distance"], 1.5, count=200)
+    two = plan_kinds(cells[0], ["distance"], 6.0, count=200)
     limit = kinds_problem(cells[1], ["distance"], np.random.default_rng(0), count=200).limit()
     turned = arc_welder.spread[3] * 200  # [mm]: the tolerance of the base at half the width of the zone
 
