@@ -9,6 +9,7 @@ from identify.model.measurement import Rows
 from identify.uncertainty.unknowns import Unknowns
 
 UNSEEN = 1e-8  # of the largest singular value: directions below it are a choice of frame
+LOOSE = 10.0  # [mm]: a face with a larger tolerance stands anywhere
 SHRUNK = 1e-3  # share by which all lengths might shrink; measurements have to notice it
 
 
@@ -65,16 +66,20 @@ def gauge_words(unknowns: Unknowns, basis: Float[np.ndarray, "unknowns size"]) -
 
 def require_scale(unknowns: Unknowns, x: Float[np.ndarray, " unknowns"], rows: Rows) -> None:
     """Raise InputError if all lengths could shrink together without a measurement that notices."""
-    if not unknowns.named:
+    faces = () if unknowns.cell.jig is None else unknowns.cell.jig.faces
+    loose = {f"face.{face.name}": face.offset for face in faces if face.tolerance > LOOSE}
+    if not (unknowns.named or loose):
         return
-    values = unknowns.origin + x * unknowns.scale
+    values = unknowns.origin + x * unknowns.scale + [loose.get(name, 0.0) for name in unknowns.names]
     values[: len(unknowns.parameters)] = unknowns.theta(x)[unknowns.parameters]
-    lengths = np.array([unit == "mm" for unit in unknowns.units])
+    known = {shared.name for shared in unknowns.shared} - loose.keys()
+    pairs = zip(unknowns.names, unknowns.units, strict=True)
+    lengths = np.array([unit == "mm" and name not in known for name, unit in pairs])
     shrink = np.where(lengths, values / unknowns.scale, 0.0)
     seen = unknowns.linearize(x, rows)[1] @ shrink / rows.sigma
     if SHRUNK * np.linalg.norm(seen) < 1:
         raise InputError(
             "no length is known among what was measured: the robot and all placements could shrink together, and no "
             "measurement would notice. Give one length: a distance between two points (spacings:), a distance to a "
-            "point of known place, or touches on a jig"
+            f"point of known place, or touches on a jig whose faces are known to better than {LOOSE:g} mm"
         )

@@ -127,8 +127,7 @@ class Arm:
         """The link that carries a weight, its name, its place [mm] in the base frame, and its size [N].
 
         Where masses are not given, a weight of one newton hangs at the origin of every link and one at the payload, or
-        at the tip: any mass that lies in between is a combination of these. That of the payload is larger by the part
-        by which a measurement's own payload is; its centre stays.
+        at the tip: any mass between is a combination of these. A measurement's own payload hangs at the same centre.
         """
         robot, last = self.robot, len(self.robot.joints)
         R, p = self.frames[-1]
@@ -138,8 +137,7 @@ class Arm:
         load = flange + R @ (ca.SX(list(centre)) if robot.payload else self.tool[:3])
         larger = 1 + self.beyond if robot.payload else 1.0
         if not robot.weighed:
-            points = [(k, f"sag{k}", self.frames[k][1], 1.0) for k in range(1, last + 1)]
-            return [*points, (last, "load", load, larger)]
+            return [*((k, f"sag{k}", self.frames[k][1], 1.0) for k in range(1, last + 1)), (last, "load", load, larger)]
         links = [
             (k, "", self.frames[k][1] + self.frames[k][0] @ ca.SX(list(joint.centre)), joint.mass * GRAVITY)
             for k, joint in enumerate(robot.joints, 1)

@@ -62,8 +62,12 @@ def test_one_place_calibrates_the_arm_for_the_others_better_than_published(calib
     assert scatter(found, data, [p for p in PLACES if p != "front_center"]) <= 0.35
 
 
-@pytest.mark.parametrize("out", ["back_left", "mid_high"])
+@pytest.mark.parametrize("out", ["back_left", "front_left", "front_right"])
 def test_a_place_that_was_left_out_is_predicted_by_the_seven_others(out, calibrated, data):
+    """Readings whose ball sat 1.4 to 2 mm above the socket, as the place alone tells, are not to be predicted."""
+    unseated = set(calibrated([out]).outliers)
     found = calibrated([place for place in PLACES if place != out])
 
-    assert scatter(found, data, [out]) <= 0.30
+    assert len(unseated) <= 2
+    assert scatter(found, [row for row in data if row["id"] not in unseated], [out]) <= 0.30
+    assert scatter(found, data, [out]) <= 0.33

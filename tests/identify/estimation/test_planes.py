@@ -8,10 +8,12 @@ import pytest
 from identify.estimation.calibrate import calibrate
 from identify.model.cell import Device, Point
 from identify.model.files import InputError
+from identify.model.zone import zone_poses
 from oed.candidates.kinds import measurements
 from probe.virtual.batch import touch_batch
 from probe.virtual.readings import readings
 from probe.virtual.truth import draw_truth
+from studies.scale import laid_over
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +68,26 @@ def test_planes_that_are_seen_from_a_stand_of_unknown_pose_are_a_jig_and_know_th
     stand = {s.name: s.value for s in found.shared}
     place = np.array([stand[f"placement.elsewhere.{axis}"] for axis in "xyz"])
     assert np.linalg.norm(place - hidden.theta[:3]) < 5.0  # [mm]
+
+
+def test_planes_of_unknown_offset_need_one_known_length(arc_welder, hidden):
+    """Plates that lean as is known and stand anywhere: the touches alone are refused, distances to a pin suffice."""
+    from oed.planning.plan import plan
+
+    rng = np.random.default_rng(4)
+    touches = touch_batch(arc_welder, hidden, plan(arc_welder, 60, "V", "even", rng, count=600).plan, rng)
+    touches = touches.take(np.array(touches.status) == "hit")
+    jig = arc_welder.the_jig
+    plates = replace(jig, faces=tuple(replace(face, tolerance=1000.0) for face in jig.faces))
+    pin = {"pin": Point(np.array([450.0, -50.0, 10.0]), 0.02)}
+    wire = {"distance": Device(sigma=0.02, range=(250.0, 900.0))}
+    cell = replace(arc_welder, jig=plates, points=pin, devices=wire)
+    distances = readings(cell, measurements(cell, "distance", rng, 30), hidden.theta, rng)
+
+    with pytest.raises(InputError, match="no length is known"):
+        calibrate(replace(cell, points={}), touches, folds=0, errors="cell")
+    found = calibrate(cell, touches, distances, folds=0, errors="cell")
+
+    q = zone_poses(arc_welder, hidden.theta, 100)
+    tips = [arc_welder.kinematics.tip(q, theta)[0] for theta in (found.theta, hidden.theta)]
+    assert abs(laid_over(*tips)[1] - 1) < 5e-4
