@@ -1,21 +1,31 @@
 """A robot with meshes as a user brings it: from the URDF to a plan, and what is said where meshes cannot be judged."""
 
 import json
+import shutil
 from hashlib import sha256
 
 import pytest
 from meshed import LINKS, arm, collision, mesh, written
 
+from oed.cli import main
+
 SAYS = "pip install 'touchcal[collision]' (Linux, macOS)"
 
 
-@pytest.fixture
-def project(tmp_path, touchcal, monkeypatch):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
     """A folder made from a URDF whose meshes lie elsewhere."""
-    (tmp_path / "cad").mkdir()
-    code, _, _ = touchcal("init", tmp_path / "mine", "--robot", written(tmp_path / "cad"))
-    assert code == 0
-    monkeypatch.chdir(tmp_path / "mine")
+    path = tmp_path_factory.mktemp("meshed")
+    (path / "cad").mkdir()
+    with pytest.raises(SystemExit, match="0"):
+        main(["init", str(path / "mine"), "--robot", str(written(path / "cad"))])
+    return path / "mine"
+
+
+@pytest.fixture
+def project(folder, tmp_path, monkeypatch):
+    """A copy of that folder."""
+    monkeypatch.chdir(shutil.copytree(folder, tmp_path / "mine"))
     return tmp_path / "mine"
 
 
