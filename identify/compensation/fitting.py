@@ -85,12 +85,12 @@ def independent(calibration: Calibration, names: Sequence[str]) -> list[str]:
     steps = np.zeros((len(index) + 1, len(theta)))
     steps[np.arange(len(index)), index] = STEP * scale
     tips = _points(calibration, sample(calibration), theta + steps)
-    basis, kept = np.empty((tips.shape[1], 0)), list[str]()
+    basis, some = np.empty((tips.shape[1], 0)), list[str]()
     for name, column in zip(names, (tips[:-1] - tips[-1:]) / STEP, strict=True):
         rest = column - basis @ (basis.T @ column)
         if np.linalg.norm(rest) > 1e-4 * np.linalg.norm(column):
-            basis, kept = np.column_stack([basis, rest / np.linalg.norm(rest)]), [*kept, name]
-    return kept
+            basis, some = np.column_stack([basis, rest / np.linalg.norm(rest)]), [*some, name]
+    return some
 
 
 def _points(

@@ -160,14 +160,14 @@ class MeasurementModel:
         """An equation and its derivatives, compiled when first asked for, of the numbers that it uses."""
         if name not in self._functions:
             q, theta = symbols(self.robot)
-            given = {key: ca.SX.sym(key, size) for key, size in INPUTS.items()}
+            every = {key: ca.SX.sym(key, size) for key, size in INPUTS.items()}
             tip = lambda M, w: jig_T_tip(self.robot, q, theta, M, w, self._made)  # noqa: E731
-            r = EQUATIONS[name](Arm(tip, **given))
-            inputs = {key: symbol for key, symbol in given.items() if ca.depends_on(r, symbol)}
+            r = EQUATIONS[name](Arm(tip, **every))
+            inputs = {key: symbol for key, symbol in every.items() if ca.depends_on(r, symbol)}
             conditions = {} if self._made is None else {"conditions": self._made}
             outputs = {"r": r, "J": ca.gradient(r, theta)}
             if "places" in inputs:
-                outputs["P"] = ca.gradient(r, given["places"])
+                outputs["P"] = ca.gradient(r, every["places"])
             self._functions[name] = compiled("residual", {"q": q, "theta": theta} | inputs | conditions, outputs)
         return self._functions[name]
 

@@ -117,8 +117,8 @@ def _run(arguments: Sequence[str]) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     named = next((word for word in arguments if not word.startswith("-")), "")
     try:
-        asked = not arguments or not {"--help", "-h"}.isdisjoint(takewhile(lambda word: word != "--", arguments))
-        if asked and named in ("", *COMMANDS):
+        wants_help = not arguments or not {"--help", "-h"}.isdisjoint(takewhile(lambda word: word != "--", arguments))
+        if wants_help and named in ("", *COMMANDS):
             code = explain(named)
         else:
             code = application()(arguments, exit_on_error=False, print_error=False)

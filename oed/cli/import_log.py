@@ -58,8 +58,8 @@ def import_log(
     from probe.programs.makers import maker_of, read_logs
 
     described = load_cell(cell)
-    planned = read_plan(plan, described)
-    chosen = maker_of(maker)
+    touch_plan = read_plan(plan, described)
+    robot_maker = maker_of(maker)
     if output.exists():
         raise InputError(
             f"{output}: it is there already; write elsewhere with -o, measured touches are not overwritten"
@@ -67,8 +67,10 @@ def import_log(
     paths = [_received(listen, maker, logs, output)] if listen else list(logs)
     if not paths:
         raise InputError("no log is named; give the files that came back from the controller")
-    read = read_logs(paths, planned, described, maker)
-    rows = imported(read, planned, described, maker, straight=chosen.straight, temperature=temperature, note=note)
+    read = read_logs(paths, touch_plan, described, maker)
+    rows = imported(
+        read, touch_plan, described, maker, straight=robot_maker.straight, temperature=temperature, note=note
+    )
     write_text(output, touches_text(rows.touches, described.robot))
     return _tell(rows.touches, rows.missing, next_command(plan, output), json)
 

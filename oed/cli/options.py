@@ -112,14 +112,14 @@ def _distinct(paths: Sequence[Path], tables: list["tuple[Measurements, ...]"]) -
     ids = [name for of_file in tables for table in of_file for name in table.ids]
     if len(set(ids)) == len(ids):
         return [table for of_file in tables for table in of_file]
-    seen, mistakes = dict[tuple[object, ...], Path](), list[Mistake]()
+    files_of_rows, mistakes = dict[tuple[object, ...], Path](), list[Mistake]()
     for path, of_file in zip(paths, tables, strict=True):
         rows = {(name, *row) for table in of_file for name, row in zip(table.ids, _rows(table), strict=True)}
-        if twice := sorted(str(row[0]) for row in rows if row in seen):
-            first = next(seen[row] for row in rows if row in seen)
+        if twice := sorted(str(row[0]) for row in rows if row in files_of_rows):
+            first = next(files_of_rows[row] for row in rows if row in files_of_rows)
             text = f"'{twice[0]}' ({len(twice)} rows in all) stands in {first} too; give each measurement once"
             mistakes.append(Mistake(str(path), 0, text))
-        seen |= dict.fromkeys(rows, path)
+        files_of_rows |= dict.fromkeys(rows, path)
     if mistakes:
         raise InputError(mistakes)
     short = len({path.stem for path in paths}) == len(paths)

@@ -89,9 +89,9 @@ def program(
     from probe.programs.makers import program as programmed
 
     described = load_cell(cell)
-    planned = read_plan(plan, described)
-    written = programmed(planned, described, maker, choices.options(rehearsal))
-    files = written.files
+    touch_plan = read_plan(plan, described)
+    maker_program = programmed(touch_plan, described, maker, choices.options(rehearsal))
+    files = maker_program.files
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: it is no folder; choose another place with -o")
     others = sorted({p.name for p in output.glob("T[CR]*.*")} - files.keys()) if output.exists() else []
@@ -99,8 +99,8 @@ def program(
         raise InputError(f"{output}: it holds {', '.join(others)} of another program; choose an empty folder with -o")
     _write(output, files)
     names = ", ".join(name for name in files if name != PAGE)
-    print(f"{len(planned)} {'approaches' if rehearsal else 'touches'} in {names}; no real controller has run it yet")
-    for note in written.notes:
+    print(f"{len(touch_plan)} {'approaches' if rehearsal else 'touches'} in {names}; no real controller has run it yet")
+    for note in maker_program.notes:
         print(f"note: {note}")
     print(f"go on with {output / PAGE}: what to set, how to load it, and what comes back")
 

@@ -132,14 +132,14 @@ def run(
     from identify.model.io.tables import read_plan
 
     described = load_cell(cell)
-    planned = read_plan(plan, described)
+    touch_plan = read_plan(plan, described)
     robot = described if after is None else as_identified(described, read_calibration(after))
     connection = line.connection(described)
     settings, screen = manner.settings(described, connection), Screen(silent=json)
     if dry_run:
-        _tell_visits(_rehearse(connection, described, robot, planned, output, settings, screen), json)
+        _tell_visits(_rehearse(connection, described, robot, touch_plan, output, settings, screen), json)
         return 0
-    finished, delay = make_touches(connection, described, robot, planned, output, settings, screen, resume=resume)
+    finished, delay = make_touches(connection, described, robot, touch_plan, output, settings, screen, resume=resume)
     _tell(finished, output, delay, settings, next_command(plan, _beside(output) if delay else output), json)
     return 0
 

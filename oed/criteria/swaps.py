@@ -228,11 +228,11 @@ class TraceSwaps(DeterminantSwaps):
         """Fall of the trace over the trace, for every swap."""
         factors, falls = self.factors(), self.falls
         trace = float(np.sum(self.C * self.low_W))
-        left, own = self.minus[:, :1], self.b[self.members][:, None]
+        rest, own = self.minus[:, :1], self.b[self.members][:, None]
         np.multiply(self.G, self.B, out=falls)
         falls *= 2
         falls += np.matmul(
-            np.concatenate([left, -own, -own], axis=1), np.concatenate([self.b[None], self.plus]), out=self.spare
+            np.concatenate([rest, -own, -own], axis=1), np.concatenate([self.b[None], self.plus]), out=self.spare
         )
         least = LOST * np.finfo(self.precision).eps
         lost = factors < least

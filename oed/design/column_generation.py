@@ -137,9 +137,9 @@ class Search:
         level, S = objective.phi(M), objective.support(M)
         gain = self.touches * self.owners.summed(None, sensitivities(self.rows, self.basis @ S @ self.basis.T))
         top, _ = self.allowed.best(gain)
-        held = np.full(len(gain), -np.inf)
-        held[self.columns] = gain[self.columns]
-        _, least = self.allowed.best(held)
+        own_gain = np.full(len(gain), -np.inf)
+        own_gain[self.columns] = gain[self.columns]
+        _, least = self.allowed.best(own_gain)
         need, bound = least[self.allowed.group], top + float(np.sum(S * self.prior))
         if level > self.level:
             self.level, self.found, self.information = level, (self.columns, self.weights, self.spread), M

@@ -95,8 +95,8 @@ def exact_design(
     size, iterations = _effort(problem, relaxation.closeness, iterations)
     begin = np.zeros(0, int) if start is None else np.intersect1d(start, problem.free)
     progress = _progress(seconds, iterations)
-    found, searches = _searched(problem, relaxation.closeness, basis, size, rng, progress, begin)
-    best = max((_polished(problem, basis, ids) for ids in found), key=lambda winner: winner.log)
+    best_sets, searches = _searched(problem, relaxation.closeness, basis, size, rng, progress, begin)
+    best = max((_polished(problem, basis, ids) for ids in best_sets), key=lambda winner: winner.log)
     return _design(problem, best.members, relaxation, searches, level)
 
 
@@ -251,11 +251,11 @@ def _polished(problem: DesignProblem, basis: np.ndarray, ids: Members) -> LocalO
         newcomers = _newcomers(problem, basis, ids)
         local = np.concatenate([ids, newcomers])
         pool = Pool(_swaps(problem, basis, local), problem.rules.take(local), len(ids))
-        found = pool.descend(np.arange(len(ids)))
-        found = LocalOptimum(np.sort(local[found.members]), found.log)
-        if best is not None and found.log <= best.log + 1e-12:
+        optimum = pool.descend(np.arange(len(ids)))
+        optimum = LocalOptimum(np.sort(local[optimum.members]), optimum.log)
+        if best is not None and optimum.log <= best.log + 1e-12:
             return best
-        best, ids = found, found.members
+        best, ids = optimum, optimum.members
         if not len(newcomers):
             break
     assert best is not None

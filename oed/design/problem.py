@@ -112,14 +112,14 @@ def design_problem(
 
 def _indices(fixed: np.ndarray | None, count: int) -> Members:
     """Touches that are in already."""
-    taken = np.zeros(0, int) if fixed is None else np.asarray(fixed)
-    if taken.ndim != 1 or (len(taken) and not np.issubdtype(taken.dtype, np.integer)):
+    members = np.zeros(0, int) if fixed is None else np.asarray(fixed)
+    if members.ndim != 1 or (len(members) and not np.issubdtype(members.dtype, np.integer)):
         raise ValueError("fixed: expected a list of indices of rows")
-    if len(taken) and (taken.min() < 0 or taken.max() >= count):
+    if len(members) and (members.min() < 0 or members.max() >= count):
         raise ValueError(
-            f"fixed: index {taken.max() if taken.max() >= count else taken.min()} is outside 0 ... {count - 1}"
+            f"fixed: index {members.max() if members.max() >= count else members.min()} is outside 0 ... {count - 1}"
         )
-    return taken.astype(int)
+    return members.astype(int)
 
 
 def _checked_cost(cost: np.ndarray, count: int) -> Float[np.ndarray, " candidates"]:
@@ -166,7 +166,7 @@ def _places(
 def _quotas(
     face: np.ndarray | None,
     quotas: Mapping[Any, tuple[int, int]] | None,
-    taken: Members,
+    fixed: Members,
     count: int,
     slots: int,
     repeats: bool,
@@ -180,8 +180,8 @@ def _quotas(
     missing = [name for name, (low, _) in quotas.items() if low > 0 and name not in names.tolist()]
     if missing:
         raise ValueError(f"quota of face {missing[0]}: no candidate lies on it")
-    limits = np.array([quotas.get(name, (0, slots + len(taken))) for name in names.tolist()], dtype=int).reshape(-1, 2)
-    done = np.bincount(group[taken], minlength=len(names))
+    limits = np.array([quotas.get(name, (0, slots + len(fixed))) for name in names.tolist()], dtype=int).reshape(-1, 2)
+    done = np.bincount(group[fixed], minlength=len(names))
     low, high = np.maximum(limits[:, 0] - done, 0), limits[:, 1] - done
     has = np.full(len(names), count) if repeats else np.bincount(group, minlength=len(names)) - done
     for name, least, most, room in zip(names, low, high, has, strict=True):

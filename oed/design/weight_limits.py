@@ -32,23 +32,23 @@ class Admissible:
         index = np.concatenate([self._head(gain, group) for group in range(len(self.members))])
         index = index[np.argsort(-gain[index], kind="stable")]
         gains, groups, room = gain[index].tolist(), self.group[index].tolist(), self.cap[index].tolist()
-        taken, last = np.zeros(len(self.low)), np.full(len(self.low), np.inf)
+        weight, last = np.zeros(len(self.low)), np.full(len(self.low), np.inf)
         total, rest, margin = 0.0, 1.0, np.inf
         for limit in (self.low, self.high):
             if not (limit > 0).any():
                 continue
             for k, (value, group) in enumerate(zip(gains, groups, strict=True)):
-                step = min(room[k], limit[group] - taken[group], rest)
+                step = min(room[k], limit[group] - weight[group], rest)
                 if step > 0:
                     room[k] -= step
-                    taken[group] += step
+                    weight[group] += step
                     rest -= step
                     total += step * value
                     last[group] = value
                     margin = value if limit is self.high else margin
                 if rest <= 0:
                     break
-        bound = (taken >= self.high) | ((taken <= self.low) & (self.low > 0))
+        bound = (weight >= self.high) | ((weight <= self.low) & (self.low > 0))
         return total, np.where(bound, last, margin)
 
     def _head(self, gain: Float[np.ndarray, " candidates"], group: int) -> Int[np.ndarray, " some"]:

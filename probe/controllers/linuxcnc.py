@@ -212,9 +212,11 @@ class LinuxCNC:
     def _compare(self) -> None:
         """See that the machine has the joints of the robot; raises Refused."""
         units = self._shell.get("joint_units").split()
-        expected = ["MM" if sliding else "DEG" for sliding in self._prismatic]
-        if units != expected or self.joints > len(AXES):
-            raise Refused("ROBOT", f"its joints count in {' '.join(units)}, expected {' '.join(expected)}, at most six")
+        own_units = ["MM" if sliding else "DEG" for sliding in self._prismatic]
+        if units != own_units or self.joints > len(AXES):
+            raise Refused(
+                "ROBOT", f"its joints count in {' '.join(units)}, expected {' '.join(own_units)}, at most six"
+            )
 
     def _refuse_rotation(self) -> None:
         """A rotated work offset does not show until something moves."""

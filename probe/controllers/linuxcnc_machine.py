@@ -112,8 +112,8 @@ class Machine:
         while self._clock.now() < deadline:
             tag = f"touchcal {secrets.token_hex(3)}"
             self.mdi(f"(DEBUG,{tag} {names})")
-            shown = self._clock.now() + SHOWN
-            while self._clock.now() < shown:
+            deadline_to_answer = self._clock.now() + SHOWN
+            while self._clock.now() < deadline_to_answer:
                 text = self.shell.get("operator_display")
                 if text.startswith(tag):
                     return [float("nan") if "#" in word else float(word) for word in text.split()[2:]]

@@ -90,7 +90,7 @@ def read_transcript(text: str) -> list[tuple[str, bytes]]:
     [('>', b'0 HELLO 5f*ABCD\n')]
     """
     entries = (line.lstrip().split(" ", 2) for line in text.splitlines() if line.strip())
-    return [(way, said.encode("ascii").decode("unicode_escape").encode("latin-1")) for _, way, said in entries]
+    return [(way, words.encode("ascii").decode("unicode_escape").encode("latin-1")) for _, way, words in entries]
 
 
 def _printable(data: bytes) -> str:

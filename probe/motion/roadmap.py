@@ -194,10 +194,10 @@ def _passed(
 
 
 def _vias(
-    q: Float[np.ndarray, "postures joints"], passed: list[list[int]], n: int, begun: int
+    q: Float[np.ndarray, "postures joints"], passed: list[list[int]], n: int, from_home: int
 ) -> Float[np.ndarray, "n vias joints"]:
     """Postures between the ends of ways, as a plan has them: those to its first touch only if it is known."""
-    ways = passed if begun else [[], *passed]
+    ways = passed if from_home else [[], *passed]
     via = np.full((n, max((len(way) for way in ways), default=0), q.shape[1]), np.nan)
     for i, way in enumerate(ways):
         via[i, : len(way)] = q[way]

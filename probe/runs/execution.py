@@ -84,10 +84,10 @@ class Execution:
 
     def _touch_all(self) -> None:
         """Every touch without a result; those without a clear way come last, and are skipped if there is none then."""
-        blocked, left = dict[str, str](), [t for t in self.targets if t.id not in self.session.results]
-        while len(blocked) < len(left):
-            left = [target for target in left if target.id not in self.session.results]
-            blocked = {target.id: reason for target in left if (reason := self._make(target))}
+        blocked, rest = dict[str, str](), [t for t in self.targets if t.id not in self.session.results]
+        while len(blocked) < len(rest):
+            rest = [target for target in rest if target.id not in self.session.results]
+            blocked = {target.id: reason for target in rest if (reason := self._make(target))}
         if blocked and self._is_enclosed():
             name, reason = next(iter(blocked.items()))
             raise InTheWay(

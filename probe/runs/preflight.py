@@ -22,12 +22,14 @@ def validate(plan: Plan, cell: Cell, settings: Settings, joints: int | None = No
     `joints` is what the controller says it has.
     """
     mistakes = [Mistake("settings", 0, text) for text in _settings(settings)]
-    expected, columns = len(cell.robot.joints), plan.q.shape[1]
-    if columns != expected:
-        mistakes.append(Mistake("plan", 0, f"it is for {columns} joints, the robot '{cell.robot.name}' has {expected}"))
-    if joints not in (None, expected):
+    joints_of_robot, columns = len(cell.robot.joints), plan.q.shape[1]
+    if columns != joints_of_robot:
         mistakes.append(
-            Mistake("controller", 0, f"it moves {joints} joints, the robot '{cell.robot.name}' has {expected}")
+            Mistake("plan", 0, f"it is for {columns} joints, the robot '{cell.robot.name}' has {joints_of_robot}")
+        )
+    if joints not in (None, joints_of_robot):
+        mistakes.append(
+            Mistake("controller", 0, f"it moves {joints} joints, the robot '{cell.robot.name}' has {joints_of_robot}")
         )
     faces = {} if cell.jig is None else cell.jig.by_name
     mistakes += [Mistake("plan", 0, cell.unknown_face(face)) for face in dict.fromkeys(plan.face) if face not in faces]

@@ -45,13 +45,13 @@ def row_objection(line: str, cell: Cell, plan: Plan) -> str:
     return ""
 
 
-def sound_rows(text: str, header: str, cell: Cell, plan: Plan, known: Iterable[str]) -> tuple[list[str], list[str]]:
+def sound_rows(text: str, header: str, cell: Cell, plan: Plan, ids: Iterable[str]) -> tuple[list[str], list[str]]:
     """Rows that can be adopted, and a sentence for each that cannot; rows of `known` touches are passed over.
 
     Rows are taken one by one, so that one damaged row costs no other; of rows with the same id the first sound one
     is taken.
     """
-    sound, broken, names = list[str](), list[str](), set(known)
+    sound, broken, names = list[str](), list[str](), set(ids)
     for place, line in enumerate(text.split("\n")[:-1], 1):
         name = line.split(",")[0]
         if line == header or not line.strip() or name in names:

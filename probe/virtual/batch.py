@@ -106,18 +106,18 @@ def _touches(
     blind: bool,
 ) -> Touches:
     faces = cell.the_jig.by_name
-    planned = np.array(plan.face)
-    names, where = np.unique(planned, return_inverse=True)
-    known = [faces[name] for name in names]
-    hit = hits & (blind | (met == planned))
+    aim = np.array(plan.face)
+    names, where = np.unique(aim, return_inverse=True)
+    sides = [faces[name] for name in names]
+    hit = hits & (blind | (met == aim))
     note = np.where(hits, np.char.add("touched ", met), f"no contact within {cell.touch.travel:g} mm")
     note = np.where(early, "in contact at the approach", np.where(hit, "", note))
     return Touches(
         ids=plan.ids,
         face=plan.face,
         q=q,
-        normal=np.array([f.normal for f in known]).reshape(-1, 3)[where],
-        offset=np.array([f.offset for f in known])[where],
+        normal=np.array([f.normal for f in sides]).reshape(-1, 3)[where],
+        offset=np.array([f.offset for f in sides])[where],
         sigma=np.full(len(plan), cell.touch.sigma),
         status=tuple(np.where(early, "early", np.where(hit, HIT, "miss")).tolist()),
         temperature=truth.temperature(np.arange(len(plan))),

@@ -143,13 +143,13 @@ def _root(
     x = (a * fb - b * fa) / (fb - fa)
     for _ in range(40):
         fx = f(x)
-        done = np.abs(fx) < EXACT
-        if done.all():
+        exact = np.abs(fx) < EXACT
+        if exact.all():
             break
         with np.errstate(divide="ignore", invalid="ignore"):
             parabola = a * fb * fx / ((fa - fb) * (fa - fx)) + b * fa * fx / ((fb - fa) * (fb - fx))
             parabola += x * fa * fb / ((fx - fa) * (fx - fb))
         a, fa = np.where(fx > 0, x, a), np.where(fx > 0, fx, fa)
         b, fb = np.where(fx > 0, b, x), np.where(fx > 0, fb, fx)
-        x = np.where(done, x, np.where((parabola > a) & (parabola < b), parabola, (a + b) / 2))
+        x = np.where(exact, x, np.where((parabola > a) & (parabola < b), parabola, (a + b) / 2))
     return x

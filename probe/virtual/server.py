@@ -268,11 +268,11 @@ class VirtualCell:
         """Start the controller anew; it is deaf and mute until it has booted."""
         self._deaf = True
         self.controller.advance(self.clock.now())
-        said = self.controller.restart(keeps_position=keeps_position)
+        report = self.controller.restart(keeps_position=keeps_position)
 
         def booted() -> None:
             self._deaf = False
-            self._say(said)
+            self._say(report)
 
         self.at(self.clock.now() + seconds, booted)
 

@@ -36,8 +36,8 @@ def read_measurements(path: Path | str, cell: Cell, *, trust_units: bool = False
 
     Rows may name a further `placement` or `tool` of the cell, and the temperature and the payload of the robot.
     """
-    known = [*touch_columns(cell.robot), *CONDITIONS, *(c for columns in COLUMNS.values() for c in columns)]
-    sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], known)
+    usual = [*touch_columns(cell.robot), *CONDITIONS, *(c for columns in COLUMNS.values() for c in columns)]
+    sheet = read_sheet(path, ["id", *joint_columns(cell.robot)], usual)
     refuse_plan(sheet)
     sheet.ids()
     _check_payload(sheet, cell)
@@ -63,8 +63,8 @@ def _kinds(sheet: Sheet) -> list[str]:
             sheet.wrong(row, f"the columns of a {here[0]} and of a {here[1]} are filled; keep one measurement a row")
         kinds.append(here[0] if here else "touch")
     for kind in {*kinds} - {"touch"}:
-        needed = (*POINT, *ANGLES) if kind == "pose" else COLUMNS[kind]
-        for name in (name for name in needed if name not in sheet.columns):
+        own_columns = (*POINT, *ANGLES) if kind == "pose" else COLUMNS[kind]
+        for name in (name for name in own_columns if name not in sheet.columns):
             sheet.at(1, f"column '{name}' of a {kind} is missing")
     return kinds
 

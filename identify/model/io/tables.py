@@ -236,8 +236,8 @@ def _planes(
     plane = planes.copy()
     for row, name in enumerate(face):
         if name in faces:
-            known = faces[name]
-            plane[row] = (*known.normal, known.offset)
+            one = faces[name]
+            plane[row] = (*one.normal, one.offset)
         elif name:
             sheet.wrong(row, cell.unknown_face(name))
         elif np.isnan(planes[row]).any():
