@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from identified import JOB, Q, identified, poses_at
 from measured import poses_over_jig, positions_at, table_2, touches_at
+from program_plan import FEW, PLAN
+from virtual_support import make_plan
 
 from identify.model.files import sheet_text
 from identify.model.io.calibration_file import write_calibration
-from identify.model.io.description import library
+from identify.model.io.description import library, read_cell
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
-from identify.model.io.tables import positions_text, touches_text
+from identify.model.io.tables import plan_text, positions_text, touches_text
 
 
 @pytest.fixture
@@ -46,4 +48,27 @@ def folder(sheets, tmp_path, monkeypatch):
     for name, text in sheets.items():
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def planned(tmp_path, monkeypatch):
+    """A folder with the paper's cell and a short plan on its highest face."""
+    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
+    cell = read_cell(tmp_path / "cell.yaml")
+    plan = make_plan(cell, 100, seed=5)
+    high = plan.take(np.flatnonzero([face == "top-high" for face in plan.face]))
+    apart = np.abs(high.q[:, None] - high.q).max(axis=2)
+    start = np.argmin(np.sort(apart, axis=1)[:, 2])  # the two nearest to it are on the same branch of the arm
+    (tmp_path / "plan.csv").write_text(plan_text(high.take(np.argsort(apart[start])[:3]), cell.robot))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def four_planned(tmp_path, monkeypatch):
+    """A cell with four planned touches, from which programs are written."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
+    (tmp_path / "plan.csv").write_text("".join(PLAN.read_text().splitlines(keepends=True)[: FEW + 1]))
     return tmp_path
