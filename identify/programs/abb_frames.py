@@ -12,7 +12,7 @@ from identify.programs.records import Ref
 
 DATA = re.compile(r"\b(tooldata|wobjdata)\s+(\w+)\s*:=\s*$", re.IGNORECASE)
 MOVES = re.compile(
-    r"(?:^|[;\n])\s*((?:Move|Trigg|Search|Arc|Spot|Disp|Cap|Paint|Laser|Continuous)\w*)\s+([^;]*);", re.IGNORECASE
+    r"(?:^|(?<=[;\n]))\s*((?:Move|Trigg|Search|Arc|Spot|Disp|Cap|Paint|Laser|Continuous)\w*)\s+([^;]*);", re.IGNORECASE
 )
 Place = tuple[Ref, Ref, str]  # frame, tool, and why a target cannot be corrected
 

@@ -35,7 +35,7 @@ def test_the_files_of_another_program_are_not_mixed_up(four_planned, touchcal):
     code, _, complaint = touchcal("program", "plan.csv", "--maker", "abb")
 
     assert code == 2
-    assert "it holds TC1.dat, TC1.src of another program; choose an empty four_planned with -o" in complaint
+    assert "it holds TC1.dat, TC1.src of another program; choose an empty folder with -o" in complaint
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_the_files_of_another_program_are_not_mixed_up(four_planned, touchcal):
         (("program", "plan.csv", "--maker", "kukka"), "did you mean 'kuka'?"),
         (("program", "none.csv", "--maker", "kuka"), "none.csv: no such file"),
         (("program", "plan.csv", "--maker", "yaskawa"), "pulses_per_deg"),
-        (("program", "plan.csv", "--maker", "ur", "-o", "cell.yaml"), "cell.yaml: it is no four_planned"),
+        (("program", "plan.csv", "--maker", "ur", "-o", "cell.yaml"), "cell.yaml: it is no folder"),
         (("import", "--plan", "plan.csv", "--maker", "abb"), "no log is named"),
         (("import", "none.txt", "--plan", "plan.csv", "--maker", "abb"), "none.txt: no such file"),
         (("import", "--plan", "plan.csv", "--maker", "abb", "--listen", "30100"), "--listen is for --maker ur"),
