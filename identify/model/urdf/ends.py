@@ -19,7 +19,7 @@ BASES = (
 )  # the frame that the controller counts from by ROS-Industrial's rule; else where it stands
 FLANGES = ("tool0", "flange", "ee_link")
 STRAIGHT = 0.999  # cosine of the angle by which the z axis of a flange may lean away from the last joint's axis
-XACRO = re.compile(r"\$\{|\$\(|<xacro:|xmlns:xacro")
+XACRO, COMMENT = re.compile(r"\$\{|\$\(|<xacro:"), re.compile(r"<!--.*?-->", re.DOTALL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ def urdf_file(path: Path) -> Path:
             raise InputError([Mistake(str(path), 0, f"the package holds xacro files only; {_expanded(xacros[0])}")])
         cure = f"name one of {', '.join(str(p) for p in files[:9])}" if files else "name a URDF"
         raise InputError([Mistake(str(path), 0, f"the folder holds {len(files)} URDFs; {cure}")])
-    if path.suffix.lower() == ".xacro" or XACRO.search(read_text(path)):
+    if path.suffix.lower() == ".xacro" or XACRO.search(COMMENT.sub("", read_text(path))):
         raise InputError([Mistake(str(path), 0, f"it is a xacro, not a URDF yet; {_expanded(path)}")])
     return path
 

@@ -85,6 +85,15 @@ def test_fingers_are_no_arm(tmp_path):
     assert ends(written(tmp_path, ARM.format(axis="1 0 0", more=fingers))).flange in ("l3", "plate")
 
 
+def test_what_xacro_leaves_in_a_file_that_it_expanded_is_no_xacro(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        '<!-- <xacro:arm prefix="${prefix}"/> -->\n<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="a"/>'
+    )
+
+    assert urdf_file(path) == path
+
+
 def test_a_xacro_is_answered_with_the_command_that_expands_it(tmp_path):
     (tmp_path / "urdf").mkdir()
     path = tmp_path / "urdf" / "arm.urdf.xacro"
