@@ -84,7 +84,7 @@ def health(
     if not touches:
         plan = _planned(identified, calibration, n, output, seed, again=run)
         if not run:
-            _tell_plan(identified, plan, output, alarm, json)
+            _tell_plan(identified, plan, (calibration, output), alarm, json)
             return 0
         touches = (_touches(identified, plan, cell, output, port, json),)
     tables, _ = read_tables(touches, identified.cell, trust_units)
@@ -139,7 +139,7 @@ def _touches(identified: "Calibration", plan: "Plan", cell: Path, output: Path, 
     return file
 
 
-def _tell_plan(identified: "Calibration", plan: "Plan", output: Path, alarm: float, json: bool) -> None:
+def _tell_plan(identified: "Calibration", plan: "Plan", files: tuple[Path, Path], alarm: float, json: bool) -> None:
     from identify.health.judge import noticed
 
     smallest = noticed(identified, _expected(identified, plan), alarm)
@@ -151,7 +151,7 @@ def _tell_plan(identified: "Calibration", plan: "Plan", output: Path, alarm: flo
     for name, change in sizes.items():
         unit = _unit(identified, name)
         print(f"  {_part(name):32}{change:8.3f} {unit}" if np.isfinite(change) else f"  {_part(name):32} not at all")
-    print(f"wrote {output}; touchcal health ... --run makes them and judges")
+    print(f"wrote {files[1]}; touchcal health {files[0]} --run -o {files[1]} makes them and judges")
 
 
 def _expected(identified: "Calibration", plan: "Plan") -> "Touches":
