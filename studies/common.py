@@ -20,7 +20,7 @@ from studies.engine import Table, column
 
 TOUCHES = 100  # as many as the paper made
 REFUSED = dict.fromkeys(("promised_mm", "delivered_mm", "rms_mm", "covered"), float("nan"))  # no calibration to judge
-FEW = 1500  # touches on offer where a study only shows that it works
+FEW = 400  # touches on offer where a study only shows that it works
 
 
 @lru_cache(maxsize=1)

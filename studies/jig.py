@@ -32,7 +32,7 @@ from identify.model.frames import inverse, pose, transform
 from oed.design.exact import exact_design
 from oed.design.relaxation import approximate_design
 from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
-from studies.common import arc_welder, zone
+from studies.common import FEW, arc_welder, zone
 from studies.jigs.jig_shown import ROBOTS, TOUCHES, answer, pictures
 from studies.jigs.two_places import SECOND, second_places
 from studies.many import calibrate_many, draw_faces, draw_many, errors_in_zone, touch_every
@@ -49,11 +49,11 @@ OUT_OF_REACH = 10.0  # [mm], for the search
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """Faces, searches and second placements."""
-    size = {"offered": 400, "robots": 8} if small else {"offered": 5000, "robots": ROBOTS}
+    size = {"offered": FEW, "robots": 3} if small else {"offered": 5000, "robots": ROBOTS}
     places = list(SECOND)[:1] if small else list(SECOND)
     starts, steps = (1, 2) if small else (STARTS, STEPS)
     tasks: list[dict[str, Any]] = [{"part": "second", "name": name, "steps": 0, **size} for name in places]
-    search = {"steps": steps} | size | {"offered": 400 if small else 1500}
+    search = {"steps": steps} | size | {"offered": FEW if small else 1500}
     tasks += [{"part": "placement", "name": f"search {k + 1}", **search} for k in range(starts)]
     return [*tasks, {"part": "faces", "name": "", "steps": 0, **size}]
 

@@ -42,7 +42,7 @@ HALVINGS = 30
 def tasks(small: bool) -> list[dict[str, Any]]:
     """A batch of robots a task."""
     if small:
-        return [{"n": 30, "scale": 0.25, "batch": 0, "robots": 2, "offered": FEW // 3}]
+        return [{"n": 30, "scale": 0.25, "batch": 0, "robots": 2, "offered": FEW}]
     return [
         {"n": n, "scale": scale, "batch": batch, "robots": BATCH, "offered": COUNT}
         for scale in SCALES

@@ -40,7 +40,7 @@ def tasks(small: bool) -> list[dict[str, Any]]:
     if small:
         names, numbers = ["even", "V"], [33]
     robots = {"sequential": SEQUENTIAL}
-    size = {"robots": 8, "offered": FEW} if small else {"robots": ROBOTS, "offered": COUNT}
+    size = {"robots": 3, "offered": FEW} if small else {"robots": ROBOTS, "offered": COUNT}
     some = {name: size if small else size | {"robots": robots.get(name, ROBOTS)} for name in names}
     return [{"name": name, "n": n, **some[name]} for name in names for n in numbers]
 

@@ -30,7 +30,7 @@ ROBOTS = 200
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """One set of touches a task."""
-    size = {"robots": 8, "offered": FEW} if small else {"robots": ROBOTS, "offered": COUNT}
+    size = {"robots": 3, "offered": FEW} if small else {"robots": ROBOTS, "offered": COUNT}
     return [{"n": n, **size} for n in (NUMBERS[1:2] if small else NUMBERS)]
 
 
