@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from sessions import small_plan
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
@@ -12,6 +13,11 @@ from identify.model.touch import Plan
 from probe.runs.session import Session
 
 pytestmark = pytest.mark.usefixtures("unsynced")
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return small_plan()
 
 
 def test_a_second_program_on_the_same_session_is_refused_until_the_first_is_dead(

@@ -20,6 +20,11 @@ BACKUP = "touches.csv.bak"
 pytestmark = pytest.mark.usefixtures("unsynced")
 
 
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return small_plan()
+
+
 @given(data=st.data())
 def test_a_session_opens_whatever_happened_to_its_files(
     data: st.DataObject, tmp_path_factory: pytest.TempPathFactory, arc_welder: Cell

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sessions import finish_all, names, rows, touch
+from sessions import finish_all, names, rows, small_plan, touch
 from touching import Ticks
 
 from identify.model.cell import Cell
@@ -20,6 +20,11 @@ from probe.runs.session import Session, journal_path, rebuilt
 
 pytestmark = pytest.mark.usefixtures("unsynced")
 BACKUP = "touches.csv.bak"
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return small_plan()
 
 
 def test_a_run_leaves_a_table_that_the_vocabulary_reads(tmp_path: Path, arc_welder: Cell, plan: Plan) -> None:
