@@ -22,6 +22,7 @@ SAMPLES = 300  # postures that tell what is usual
 SINGULAR = (
     0.1  # smallest singular value of the pose Jacobian, lengths in LEVER, below which a posture is called singular
 )
+TURN = 4 * np.pi  # [rad] of an angle of a pose, beyond which degrees were meant
 MOVED = 0.05  # [mm] or [deg] of the base, that is worth a word
 HARD = 100  # targets at most that are handed to Ipopt, at some 10 milliseconds each
 
@@ -85,6 +86,11 @@ def compensate(
     `max_change` [rad]; not given, that is CHANGE, or for a robot that is far off USUAL times what is usual for it.
     """
     cell, nominal_theta = calibration.cell, believed(calibration)
+    turn = float(np.abs(poses[:, 3:]).max(initial=0.0))
+    if turn > TURN:
+        raise InputError(f"an angle of a pose is {turn:.4g} rad: degrees? functions take radians, np.radians(angles)")
+    if near is not None:
+        cell.robot.require_radians(near)
     there = wanted_frame(calibration, frame, fixed_to) @ transform(poses)
     command_frame = jig_T_frame(nominal_theta, frame)
     before, why = _before(calibration, command_frame @ transform(poses), near)

@@ -37,6 +37,8 @@ class Verification:
 def verify(calibration: Calibration, *tables: Measurements) -> Verification:
     """Errors of the nominal and of the identified robot; raises InputError if a measurement was used in the fit."""
     cell = calibration.cell
+    for table in tables:
+        cell.robot.require_radians(table.q)
     found = rows(cell.wire, tables, cell.robot, cell.places)
     if not len(found):
         raise InputError("there is nothing to verify with: no touch of status hit, no position")

@@ -129,25 +129,32 @@ class Cell:
 
     robot: Robot
     jig: Jig | None
-    base: Float[np.ndarray, " 6"] | None  # [mm, rad], jig -> base; None: to be fitted
-    tool: Float[np.ndarray, " 6"] | None  # [mm, rad], flange -> tip; None: to be fitted
+    base: Float[np.ndarray, " 6"] | None
+    """[mm, rad], jig -> base; None: to be fitted."""
+    tool: Float[np.ndarray, " 6"] | None
+    """[mm, rad], flange -> tip; None: to be fitted."""
     wire: Wire = Wire()
     touch: TouchSettings = TouchSettings()
     zone: Zone | None = None
     priors: Priors = Priors()
     controller: Controller = Controller()
     fixed: frozenset[str] = frozenset()
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # [mm] or [rad], by parameter name
-    sources: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of the files that describe the cell
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """[mm] or [rad], by parameter name."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the files that describe the cell."""
     placements: Mapping[str, Float[np.ndarray, " 6"] | None] = field(default_factory=dict)
     """Further stands of jig or tracker [mm, rad], stand -> base as `base` is; None: to be fitted."""
     tools: Mapping[str, Float[np.ndarray, " 6"] | None] = field(default_factory=dict)
     """Further wires or targets [mm, rad], flange -> tip as `tool` is; None: to be fitted."""
     points: Mapping[str, Point] = field(default_factory=dict)
     spacings: tuple[Spacing, ...] = ()
-    devices: Mapping[str, Device] = field(default_factory=dict)  # by kind of measurement; DEVICES for the others
-    serial: str = ""  # number of the robot
-    obstacles: tuple[Shape, ...] = ()  # table, positioner, fence; their poses are in the jig frame
+    devices: Mapping[str, Device] = field(default_factory=dict)
+    """By kind of measurement; DEVICES for the others."""
+    serial: str = ""
+    """Number of the robot."""
+    obstacles: tuple[Shape, ...] = ()
+    """Table, positioner, fence; their poses are in the jig frame."""
 
     @cached_property
     def theta(self) -> Float[np.ndarray, " parameters"]:

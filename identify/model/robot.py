@@ -6,11 +6,13 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from identify.model.files import InputError
 from identify.model.joint import LINK_NAMES, Capsule, Joint
 from identify.model.joint_counting import AS_MODEL, JointCounting
 from identify.model.shape import Shape
 
 POSE_NAMES = ("x", "y", "z", "rz", "ry", "rx")
+FAR = 3.0  # times the widest joint limit, beyond which an angle was not meant in radians
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +158,14 @@ class Robot:
         """The numbers that the controller shows [deg] or [mm] for joints of the model [rad] or [mm]."""
         joints = q / self.joint_unit()
         return self.counting.to_controller(joints) if self.counting.differs else joints
+
+    def require_radians(self, q: Float[np.ndarray, "*rows joints"]) -> None:
+        """Raise InputError for joints of the model that are far beyond every limit, as degrees would be."""
+        turning = ~np.array(self.prismatic)
+        limits = np.abs(np.concatenate([self.lower[turning], self.upper[turning]]))
+        largest = np.nanmax(np.abs(q[..., turning]), initial=0.0)
+        if largest > FAR * max(float(limits.max(initial=0.0)), np.pi):
+            raise InputError(f"a joint angle is {largest:.4g} rad: degrees? functions take radians, np.radians(q)")
 
     def from_pulses(self, pulses: Float[np.ndarray, "*rows joints"]) -> Float[np.ndarray, "*rows joints"]:
         """Joints of the model [rad] or [mm] from the controller's pulses; raises InputError if those are not known."""

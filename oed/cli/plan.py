@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import digest, write_json, write_text
-from oed.cli.options import IDENTIFY, CellFile, Flag, Json, Output, Seed, load_cell, print_json
+from oed.cli.options import IDENTIFY, CellFile, Flag, Json, Output, Seed, load_cell, own_criterion, print_json
 from oed.cli.plans.kinds import KindsChoice, plan_of_kinds
 from oed.cli.plans.workpiece import plan_of_workpiece
 from oed.cli.screen.progress import progress
@@ -30,7 +30,7 @@ class Choice:
     """Tip error [mm] that 95 % of the poses of the weld zone should stay below: as few touches as do it."""
     criterion: str = "V"
     """What the plan makes best: V and G, the mean and the largest tip error in the weld zone; D, A, E, or O1 to
-    O5."""
+    O5; FILE.py:NAME, a criterion of your own that a Python file defines (studies/examples/own_criterion.py)."""
     strategy: Literal["optimal", "even", "random"] = "optimal"
     """optimal; even spreads points over the faces as the paper does; random draws them."""
     kinds: str | None = None
@@ -83,6 +83,8 @@ def plan(
 
         touchcal plan --kinds touch,distance --budget 15min
 
+        touchcal plan --criterion own.py:K2
+
     Parameters
     ----------
     after
@@ -94,6 +96,7 @@ def plan(
     from oed.planning.plan import plan
 
     described = load_cell(cell)
+    choice = replace(choice, criterion=own_criterion(choice.criterion))
     if _planned_otherwise(choice, body, described, cell, after, output, seed, json):
         return
     calibration = None if after is None else read_calibration(after)
@@ -160,9 +163,12 @@ def _asked(choice: Choice) -> KindsChoice:
 
 def story(answer: dict[str, Any], output: Path) -> str:
     """The plan as a person reads it."""
+    from oed.planning.searches import CAMPAIGN
+
     promise = answer["promise"]
     choice = f"criterion {answer['criterion']}" if answer["strategy"] == "optimal" else f"strategy {answer['strategy']}"
     lines = [
+        *(note for note in answer["notes"] if note.startswith(CAMPAIGN)),
         f"{answer['touches']} touches, {choice}, about {answer['minutes']:.0f} minutes",
         f"promised tip error in the weld zone: RMS {promise['rms_mm']:.3f} mm, 95 % {promise['p95_mm']:.3f} mm",
         *_curve(answer["curve"]),
@@ -170,7 +176,7 @@ def story(answer: dict[str, Any], output: Path) -> str:
         *_certificate(answer),
     ]
     lines += [f"not seen: {sentence}" for sentence in answer["unseen"]]
-    lines += [f"note: {sentence}" for sentence in answer["notes"]]
+    lines += [f"note: {sentence}" for sentence in answer["notes"] if not sentence.startswith(CAMPAIGN)]
     page = output.with_suffix(".html").name
     return "\n".join([*lines, f"wrote {output}, to look at in {page}; make the touches with touchcal run {output}"])
 

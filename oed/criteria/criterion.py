@@ -40,11 +40,16 @@ class Criterion(ABC):
     keeps: Literal["ranking", "value", "rotation"]
     source: str
 
-    per_touch: ClassVar[bool] = False  # whether the value is that of the information of one touch
-    certified: ClassVar[bool] = True  # whether phi is concave, so that `support` bounds every design
-    needs_zone: ClassVar[bool] = False  # whether the poses of the weld zone are needed to score
-    formula: ClassVar[type[Swaps]] = FirstOrderSwaps  # what a swap of two touches changes
-    blurs: ClassVar[tuple[float, ...]] = (0.0,)  # relative sizes of neighbourhoods for `blurred_slope`
+    per_touch: ClassVar[bool] = False
+    """Whether the value is that of the information of one touch."""
+    certified: ClassVar[bool] = True
+    """Whether phi is concave, so that `support` bounds every design."""
+    needs_zone: ClassVar[bool] = False
+    """Whether the poses of the weld zone are needed to score."""
+    formula: ClassVar[type[Swaps]] = FirstOrderSwaps
+    """What a swap of two touches changes."""
+    blurs: ClassVar[tuple[float, ...]] = (0.0,)
+    """Relative sizes of neighbourhoods for `blurred_slope`."""
 
     @property
     def larger_is_better(self) -> bool:

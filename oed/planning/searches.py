@@ -20,6 +20,8 @@ FAR = 2.0  # times the way to the planned contact, that searches are followed be
 STEPS = 4  # of the secant method: ways are nearly straight, and these leave nanometres
 OFTEN = 0.1  # share of the robots that miss a touch, above which the touch is named
 NAMED = 5  # such touches at the most
+MANY = 1 / 3  # share of the touches that miss, above which a fixed plan is not the way
+CAMPAIGN = "use touchcal campaign"
 STOPS = 0.05  # share of the robots whose run stops, above which a sentence says so
 
 
@@ -89,11 +91,15 @@ class Searches:
         often = [f"{i + 1} on {names[i]} ({100 * self.missing[i]:.0f} %)" for i in worst if self.missing[i] > OFTEN]
         if often:
             out.append(f"the touches that most often miss: {', '.join(often)}; the plan counts with it")
-        if self.stopped > STOPS:
-            out.append(
-                f"the run of about {100 * self.stopped:.0f} of 100 robots with these tolerances stops, after "
-                f"{Settings().misses} touches in a row that miss: measure base and tool better, or use touchcal "
-                "campaign, which begins with long searches"
+        if self.stopped > STOPS or total > MANY * n:
+            row = f"{Settings().misses} touches in a row"
+            stops = (
+                f", and about {100 * self.stopped:.0f} of 100 runs stop, where {row} do" if self.stopped > STOPS else ""
+            )
+            out.insert(
+                0,
+                f"{CAMPAIGN}, which begins with few touches and long searches, or measure base and tool better: "
+                f"{100 * total / n:.0f} % of the touches of a fixed plan miss with these tolerances{stops}",
             )
         return tuple(out)
 

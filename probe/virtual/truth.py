@@ -60,11 +60,16 @@ class Effects:
 class Truth:
     """The true parameters of a cell and its effects; known to the virtual robot, and to the judge of a calibration."""
 
-    theta: Float[np.ndarray, " parameters"]  # [mm] or [rad]
+    theta: Float[np.ndarray, " parameters"]
+    """[mm] or [rad]."""
     effects: Effects = Effects()
-    faces: Mapping[str, float] = field(default_factory=dict)  # [mm], by how much a face stands proud of its drawing
+    """What sensor, controller, robot and jig do besides."""
+    faces: Mapping[str, float] = field(default_factory=dict)
+    """[mm], by how much a face stands proud of its drawing."""
     name: str = ""
-    robot: Robot | None = None  # where its error models are not the cell's
+    """Of the truth file."""
+    robot: Robot | None = None
+    """Where its error models are not the cell's."""
 
     def kinematics(self, cell: Cell) -> Kinematics:
         """The kinematics of the true robot."""

@@ -15,11 +15,14 @@ def k2(sigma: Float[np.ndarray, "*batch parameters"]) -> Float[np.ndarray, "*bat
     return (sigma**-4.0).sum(axis=-1) ** -0.25
 
 
+# value grows with information^0.5 and changes with the units of the parameters; relaxation, exchange, refinement and
+# certificates follow from the order of the mean
+K2 = PowerMean("K2", 0.5, "rotation", "Kiefer 1974", k2, exponent=2.0)
+
+
 def main() -> None:
-    """Plan by it and by V, and compare both plans by both."""
-    # value grows with information^0.5 and changes with the units of the parameters; relaxation, exchange, refinement
-    # and certificates follow from the order of the mean
-    oed.CRITERIA["K2"] = PowerMean("K2", 0.5, "rotation", "Kiefer 1974", k2, exponent=2.0)
+    """Plan by it and by V, and compare both by both; touchcal plan --criterion own_criterion.py:K2 does the first."""
+    oed.CRITERIA[K2.name] = K2
     cell = identify.read_cell(identify.library("cells")["arc-welder"])
     near = (3.0, np.radians(0.5))  # 1 sigma of base and tool [mm, rad]: few touches miss
     cell = replace(cell, priors=replace(cell.priors, base=near, tool=near))

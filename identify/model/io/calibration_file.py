@@ -1,7 +1,9 @@
 """calibration.json, in which an identified robot travels."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
+from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -98,12 +100,32 @@ class _File(_Strict):
     discrepancy: Discrepancy | None = None
     promise: dict[str, float] | None = None
     spans: dict[str, tuple[float, float]] = {}
+    checksums: dict[str, str] = {}
 
 
 def write_calibration(path: Path | str, calibration: Calibration) -> None:
     """Write calibration.json, whole or not at all."""
     path = Path(path)
-    write_text(path, json.dumps(calibration_entry(calibration), indent=1) + "\n")
+    entry = json.loads(json.dumps(calibration_entry(calibration)))
+    write_text(path, json.dumps(entry | {"checksums": _checksums(entry)}, indent=1) + "\n")
+
+
+def _checksums(entry: Mapping[str, Any]) -> dict[str, str]:
+    """Eight digits for what stands at each key."""
+    return {key: sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:8] for key, value in entry.items()}
+
+
+def _require_unedited(path: Path, entry: dict[str, Any]) -> None:
+    """Raise InputError, naming the keys, if a hand has changed a file that holds checksums."""
+    stated = entry.pop("checksums", {})
+    now = _checksums(entry)
+    edited = [key for key in stated | now if stated.get(key) != now.get(key)] if stated else []
+    if edited:
+        raise _wrong(
+            path,
+            f"{', '.join(edited)} changed since touchcal wrote the file: its numbers no longer belong together; "
+            "identify again, or delete the key checksums if you answer for the change",
+        )
 
 
 def calibration_entry(c: Calibration) -> dict[str, Any]:
@@ -187,6 +209,7 @@ def read_calibration(path: Path | str) -> Calibration:
     own = unit[[p.status == "estimated" for p in file.parameters]]
     scale = np.concatenate([own, [UNITS[shared.unit] for shared in file.shared]])
     covariance = _covariance(path, file.covariance, len(scale)) * np.outer(scale, scale)
+    _require_unedited(path, json.loads(text))
     return Calibration(
         cell=cell,
         theta=np.array([p.value for p in file.parameters]) * unit,

@@ -17,6 +17,7 @@ from identify.model.io.schema import Strict
 Model = TypeVar("Model", bound=Strict)
 
 UNDERSCORED = re.compile(r"(?<![\w.\"'/-])[-+]?\d[\d.]*_[\d_.]*(?![\w:/\"'-])")  # YAML would read 1_0 as 10
+COMMA = re.compile(r"(?<=:)\s*[-+]?\d+,\d+\s*(?=[,}]|$)")  # YAML would read {x: 12,5} as x: 12 and a key 5
 
 DEEPEST = 50  # brackets in brackets: the parser takes minutes for thousands
 
@@ -33,6 +34,8 @@ class Document:
             if match := UNDERSCORED.search(row.partition("#")[0]):
                 cure = "write it without the underscore, or as a name in quotation marks"
                 raise InputError([Mistake(str(path), number, f"{match[0].strip()} looks like a number; {cure}")])
+            if match := COMMA.search(row.partition("#")[0]):
+                raise InputError([Mistake(str(path), number, decimal_comma(match[0].strip()))])
         try:
             self.data: Any = YAML().load(text)
         except MarkedYAMLError as error:
@@ -79,6 +82,11 @@ class Document:
         """The items of a list, unchecked; none where there is no list."""
         value = self.get(key)
         return value if isinstance(value, list) else []
+
+
+def decimal_comma(number: str) -> str:
+    """What is wrong with a number such as 12,5."""
+    return f"{number} has a decimal comma; write {number.replace(',', '.')}"
 
 
 def _depth(text: str) -> int:
@@ -164,6 +172,8 @@ def _mistake(document: Document, model: type[Strict], error: Any) -> Mistake:
         )
     if error["type"] == "missing":
         return document.wrong(f"key '{where}' is missing", *location)
+    if isinstance(error["input"], str) and COMMA.fullmatch(":" + error["input"], 1):
+        return document.wrong(f"{where}: {decimal_comma(error['input'])}", *location)
     return document.wrong(f"{where} is {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}", *location)
 
 
