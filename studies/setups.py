@@ -13,8 +13,8 @@ Answer: yes. 95 % intervals of parameters, placements, tools and points hold the
 the promise is kept by 98 of 100 robots with three targets, 95 with two stands, 97 and 98 with two and three anchors and
 94 on the track, at 1.4 to 1.8 times the delivered error in the median (2.8 with two anchors). The RMS tip error is
 0.014 mm with three targets, 0.059 mm with two stands, 0.029 mm with three anchors and 0.015 mm on the track. Two
-anchors leave 0.56 mm, and their limit is 0.61 mm: the cell may turn about the line that joins them, which only the tolerance of
-the base holds. `touchcal plan` says so; a third anchor lowers the limit to 0.028 mm.
+anchors leave 0.56 mm, and their limit is 0.61 mm: the cell may turn about the line that joins them, which only the
+tolerance of the base holds. `touchcal plan` says so; a third anchor lowers the limit to 0.028 mm.
 """
 
 from collections.abc import Callable

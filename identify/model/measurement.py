@@ -137,10 +137,11 @@ def _spread(tables: Sequence[Measurements], parts: Sequence[Rows], column: str) 
 def _conditions(table: Measurements, part: Rows, robot: Robot | None) -> Float[np.ndarray, "rows conditions"]:
     """Direction of every joint into a touch, warmth [K] and further payload; 0 where not recorded."""
     warmth = beyond = np.zeros(len(table))
-    if robot is not None and table.temperature is not None:
-        warmth = np.nan_to_num(table.temperature - robot.temperature)
-    if robot is not None and robot.payload is not None and table.payload is not None:
-        beyond = np.nan_to_num(table.payload / robot.payload[0] - 1)
+    temperature, payload = (getattr(table, name, None) for name in ("temperature", "payload"))
+    if robot is not None and temperature is not None:
+        warmth = np.nan_to_num(temperature - robot.temperature)
+    if robot is not None and robot.payload is not None and payload is not None:
+        beyond = np.nan_to_num(payload / robot.payload[0] - 1)
     approach = table.approach if isinstance(table, Touches) else None
     return touch_conditions(table.q, approach, warmth, beyond)[part.owner]
 

@@ -161,6 +161,8 @@ class Robot:
 
     def require_radians(self, q: Float[np.ndarray, "*rows joints"]) -> None:
         """Raise InputError for joints of the model that are far beyond every limit, as degrees would be."""
+        if q.shape[-1] != len(self.joints):
+            return  # of another robot, which is said elsewhere
         turning = ~np.array(self.prismatic)
         limits = np.abs(np.concatenate([self.lower[turning], self.upper[turning]]))
         largest = np.nanmax(np.abs(q[..., turning]), initial=0.0)

@@ -207,3 +207,13 @@ def test_a_robot_that_bends_and_turns_unevenly_goes_where_it_is_told(arc_welder,
     assert np.abs(reached - wanted[done, :3]).max() < 0.001  # [mm]
     assert np.linalg.norm(off, axis=1).mean() > 0.2
     np.testing.assert_allclose(after, arc_welder.kinematics.tip(result.q[done], arc_welder.theta)[0], atol=1e-3)
+
+
+def test_degrees_are_answered_with_the_cure(exact, targets):
+    poses = targets[1][:3].copy()
+    poses[:, 3:] = np.degrees(poses[:, 3:])
+
+    with pytest.raises(InputError, match=r"rad: degrees\? functions take radians"):
+        compensate(exact, poses)
+    with pytest.raises(InputError, match=r"rad: degrees\? functions take radians"):
+        compensate(exact, targets[1][:3], near=np.array([90.0, -40, 30, 0, 60, 10]))

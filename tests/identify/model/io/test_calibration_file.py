@@ -103,8 +103,21 @@ def test_faces_and_their_covariance_with_the_parameters_are_read_back(arc_welder
     )
 
 
+def test_a_file_that_a_hand_changed_is_refused_with_the_key_until_its_checksums_go(document, found, tmp_path):
+    path = tmp_path / "calibration.json"
+    write_calibration(path, found)
+    written = json.loads(path.read_text())
+    written["parameters"][0]["value"] += 1.0
+
+    said = refused(written, tmp_path)
+
+    assert "parameters changed since touchcal wrote the file" in said
+    assert refused({key: value for key, value in written.items() if key != "checksums"}, tmp_path) == ""
+    assert refused(json.loads(path.read_text()), tmp_path) == ""
+
+
 def test_a_file_of_the_first_version_is_read(document, found, tmp_path):
-    newer = {"format", "faces", "shared", "discrepancy", "promise"}
+    newer = {"format", "faces", "shared", "discrepancy", "promise", "checksums"}
     path = tmp_path / "first.json"
     write_calibration(path, found)
     first = {key: value for key, value in json.loads(path.read_text()).items() if key not in newer}
