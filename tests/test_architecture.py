@@ -43,6 +43,31 @@ SYMBOLS = (  # where CasADi stands: the model, what builds an NLP, and an exampl
     "studies.examples",
 )
 MODULES, LINES, FUNCTION = 20, 300, 60  # in a folder, of a file, of a function: at most
+UNTESTED = {  # modules without a test file of their own, and why
+    "types and constants": (
+        "identify.model.joint",
+        "identify.model.io.schema",
+        "identify.programs.records",
+        "oed.campaigns.stages",
+        "probe.line.controller",
+        "probe.motion.settings",
+        "probe.runs.events",
+        "probe.virtual.records",
+    ),
+    "the whole loop: test_demo runs it": ("oed.campaigns.demonstration",),
+    "makers: test_makers runs over their table": tuple(
+        f"probe.programs.{maker}" for maker in ("abb", "fanuc", "kuka", "ur", "yaskawa")
+    ),
+    "studies: test_studies runs over their table": tuple(
+        f"studies.{study}"
+        for study in ("beyond", "campaign", "jigs.jig_shown", "kinds", "paper", "promise", "setups", "touches")
+    ),
+    "examples: test_examples runs over their folder": ("studies.examples",),
+    "other libraries, which need not be there": tuple(
+        f"studies.racers.with_{peer}" for peer in ("cvxpy", "figaroh", "pybotics")
+    ),
+    "scripts that write pages and pictures": ("studies.pages", "studies.screenshot"),
+}
 
 
 def within(module, *packages):
@@ -163,6 +188,16 @@ def oversized(root):
     return found
 
 
+def without_tests(root):
+    """Modules without a test file of their own that are not on the list, and those on the list that have one."""
+    listed = [module for modules in UNTESTED.values() for module in modules]
+    paths = [p for package in PACKAGES for p in (root / package).rglob("*.py") if not p.stem.startswith("__")]
+    tested = {name_of(p, root): (root / "tests" / p.relative_to(root)).with_name(f"test_{p.name}") for p in paths}
+    missing = [m for m, test in tested.items() if not test.is_file() and not within(m, *listed)]
+    needless = [m for m in listed if not any(within(other, m) and not test.is_file() for other, test in tested.items())]
+    return sorted(missing), sorted(needless)
+
+
 def test_every_import_follows_the_arrows():
     assert violations(ROOT) == []
 
@@ -173,6 +208,10 @@ def test_no_modules_import_each_other_in_a_circle():
 
 def test_folders_files_and_functions_stay_small():
     assert oversized(ROOT) == []
+
+
+def test_every_module_has_a_test_file_of_its_own_or_a_reason_to_have_none():
+    assert without_tests(ROOT) == ([], [])
 
 
 def test_every_room_of_the_table_is_a_folder_or_a_module_and_has_a_map():
@@ -291,6 +330,18 @@ def test_a_planted_excess_is_reported(house, planted):
         (house / "oed/design/long.py").write_text("def f():\n" + "    x = 1\n" * FUNCTION)
 
     assert len(oversized(house)) == 1
+
+
+def test_a_module_without_tests_and_a_reason_that_is_none_are_reported(house):
+    tested = house / "tests/probe/runs/test_events.py"
+    tested.parent.mkdir(parents=True)
+    tested.write_text("")
+    (house / "probe/runs/events.py").write_text("")  # on the list, with a test file all the same
+
+    missing, needless = without_tests(house)
+
+    assert "oed.design.exact" in missing
+    assert "probe.runs.events" in needless
 
 
 def test_loading_a_room_loads_no_room_that_it_must_not_know():
