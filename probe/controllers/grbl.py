@@ -43,6 +43,10 @@ HOMING = 180.0  # [s]
 ARRIVED = 0.02  # [deg] or [mm]
 ASKING = 5.0  # [s] for which a target that GRBL understands wrongly is told again
 OFF = 0.01  # [deg] or [mm] off the commanded path: GRBL reports where it steps, and nothing trembles
+LAST_OF_GRBL, SHOWN = (
+    3,
+    16 + 128,
+)  # of $10: grblHAL has more bits than GRBL, those of the input and the probe among them
 NO_OFFSETS = {"error:20", "error:37"}  # no G43.1, or for one axis only
 DISTURBED = "GRBL understands another target than it was told; is the line disturbed?"
 ASTRAY = 0.017  # [deg] further until it stands: with OFF half a millimetre in all, a metre from the axis
@@ -79,7 +83,7 @@ class Grbl:
     def connect(self) -> None:
         """Find GRBL and check that it can be worked with; raises LinkLost, or Refused where it cannot."""
         link = self.link
-        axes = link.axes(4 * link.silence)
+        axes = link.axes(3 * link.silence)
         if axes != self.joints:
             raise Refused("ROBOT", f"it has {axes} axes, the robot of the cell {self.joints} joints")
         link.drop_held()
@@ -90,13 +94,16 @@ class Grbl:
             if not self._unlock:
                 raise Refused("UNHOMED", "GRBL is locked by an alarm: home it, or unlock it where that is safe")
             link.unlock("$X", link.patience)
-        link.settle(4 * link.silence)
+        link.settle(3 * link.silence)
         lines = link.told("$#") + link.told("$$")
         for name, values in (match.groups() for line in lines if (match := OFFSETS.fullmatch(line))):
             if name in ("G54", "G92") and np.any(numbers(values)):
                 raise Refused("SYNTAX", f"{name} offsets its axes by {values}; set it to zero at the controller")
         if "$13=1" in lines:
             raise Refused("SYNTAX", "it reports inches ($13=1); set $13=0 at the controller")
+        for mask in (int(line[4:]) for line in lines if line.startswith("$10=") and line[4:].isdecimal()):
+            if mask > LAST_OF_GRBL and mask & SHOWN != SHOWN:
+                raise Refused("SYNTAX", f"it reports no touch input or no probe ($10={mask}); set $10=511 there")
         link.adopt(anew=locked)
         self._checks = self._tells_offsets()
 

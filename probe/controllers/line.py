@@ -19,7 +19,7 @@ from probe.line.watch import Watch
 SPOKEN = "TOUCH/1"
 FIELDS = re.compile(r"(\w+)=(\S+)")
 OLD = "warning: its touch program is of the first version, and a delayed line can deceive it; put the new one on it"
-GREETING_PATIENCE = 4.0  # [s]: a controller that is there answers at once, and a person waits for this
+GREETING_PATIENCE = 3.0  # [s]: a controller that is there answers at once, and a person waits for this
 
 
 class Line:

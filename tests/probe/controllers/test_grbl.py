@@ -221,6 +221,7 @@ def test_a_grbl_that_does_not_echo_messages_is_refused(cell: Cell) -> None:
         ({"$#": b"[G54:5.000,0.000,0.000,0.000,0.000,0.000]\r\nok\r\n"}, "G54 offsets its axes"),
         ({"$#": b"[G92:0.000,0.000,1.000,0.000,0.000,0.000]\r\nok\r\n"}, "G92 offsets its axes"),
         ({"$$": b"$10=1\r\n$13=1\r\nok\r\n"}, "reports inches"),
+        ({"$$": b"$10=127\r\n$13=0\r\nok\r\n"}, "no touch input or no probe"),
     ],
 )
 def test_a_grbl_whose_numbers_mean_something_else_is_refused(
