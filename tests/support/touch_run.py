@@ -20,7 +20,7 @@ from probe.motion.settings import Settings
 from probe.runs.execution import run
 from probe.runs.session import Session, journal_path
 
-TOUCHES = 8
+TOUCHES = 5
 OPTIONS: dict[str, dict[str, float]] = {"line": {}, "grbl": {"axis_unit_deg": 0.1}}
 
 

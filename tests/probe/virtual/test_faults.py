@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -36,7 +36,7 @@ from probe.virtual.server import VirtualCell, serve
 from probe.virtual.truth import Truth, draw_truth, with_effects
 
 KILLS = int(os.environ.get("TOUCHCAL_KILLS", "18"))
-USUAL = Settings(search_speed=10.0)
+USUAL = Settings(search_speed=10.0, rest=0.02)  # the rest is of real time, while that of the robot jumps
 AS_FAST_AS_POSSIBLE = float("inf")
 SERVO = 0.001  # [s]
 
@@ -171,7 +171,7 @@ def test_after_a_restart_nothing_moves_until_the_operator_agrees(
             assert len(bench.served.robot.executed) == executed
             bench.served.robot.home()
 
-        finished = bench.run(Settings(search_speed=10.0, trust_position=True))
+        finished = bench.run(replace(USUAL, trust_position=True))
 
         assert finished.hits == len(plan)
         bench.check_touches()
@@ -250,7 +250,7 @@ def test_any_sequence_of_faults_leaves_only_true_touches_and_loses_none(
     with bench_of(cell, plan, truth, folder, "spoil:0.05", *faults, seed=seed) as bench:
         for _ in range(2 * len(mishaps) + 2):  # what an operator does: puts it right, and goes on
             try:
-                bench.run(Settings(search_speed=10.0, trust_position=True, misses=12))
+                bench.run(replace(USUAL, trust_position=True, misses=12))
             except TouchError:
                 with bench.served.lock:
                     bench.served.robot.health.estop = False
