@@ -235,7 +235,7 @@ class Grbl:
         return (
             len(tools) == 1
             and np.array_equal(numbers(tools[0][2]), np.round(target, 3) + 0.0)
-            and {"G21", "G90", "G94"} <= set(modes)
+            and {"G21", "G91", "G94"} <= set(modes)
             and len(fed) == 1
             and abs(fed[0] - feed) <= max(1.0, 0.01 * feed)
         )

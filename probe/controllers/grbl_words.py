@@ -88,16 +88,18 @@ def offset(target: Float[np.ndarray, " joints"], feed: float, more: str = "") ->
 
     All in one line: next to G43.1 axis words are no motion, and a G that became a C is a second C, an error. What
     a digit leaves of the line when it becomes Ctrl-X, a reset, or begins a comment, is an error too: G4 needs its P,
-    and P its G4.
+    and P its G4. From now on positions are relative (G91), for `trigger`.
     """
-    return f"G4G43.1G21G90G94F{feed:.3f}{more}{axis_words(target)}P.0"
+    return f"G4G43.1G21G91G94F{feed:.3f}{more}{axis_words(target)}P.0"
 
 
 def trigger(word: str, joints: int, feed: float, speed: int = 0) -> str:
     """A motion to zero, which the tool offset makes the target.
 
     Every number is written `.0`: a byte lost is then an error, and a digit changed is off by less than one axis unit.
-    Feed and `speed` of the spindle, which is off, are said once more: a G that became an F, or a C that became an S, is
-    then a second one, an error. What is left is a guarded motion to the right target at another speed.
+    Zero is the target for G90 only, the last word: a line that was cut short, whatever comes behind it, leads by zero
+    from where the robot stands. Feed and `speed` of the spindle, which is off, are said once more: a G that became an
+    F, or a C that became an S, is then a second one, an error. What is left is a guarded motion to the right target at
+    another speed.
     """
-    return f"S{speed}.F{feed:.0f}.{word}" + "".join(f"{axis}.0" for axis in AXES[:joints])
+    return f"S{speed}.F{feed:.0f}.{word}" + "".join(f"{axis}.0" for axis in AXES[:joints]) + "G90"

@@ -8,6 +8,7 @@ What it does as the real one does, so that a host learns to live with it:
 * In alarm every G-code and every message is `error:9` until `$X`, `$H` or, after a limit (`ALARM:2`), a reset.
 * The probe input is not watched during G0 and G1: a robot driven into the jig goes on. There is no deadman either.
 * Positions have three decimals; F counts the length of the move over all axes; axis units are chosen by the user.
+* After G80 axis words are an error, those of G43.1 too; G4 may stand beside a motion.
 * `(MSG,tag)` comes back as `[MSG:tag]`. Real-time bytes `?`, `!`, `~` and Ctrl-X act at once, whatever is in the line.
 * `T` names a tool, `$G` tells it, and a reset forgets it; so for `S`, the speed of a spindle that is off. G43.1 shifts
   all axes by a tool offset until G49 or a reset.
@@ -26,7 +27,7 @@ import re
 import numpy as np
 from jaxtyping import Float
 
-from probe.virtual.gcode import Block, read_block
+from probe.virtual.gcode import NO_MOTION, Block, read_block
 from probe.virtual.grbl_state import AXES, BANNER, LATE, LONGEST, OKAY, QUEUE, RAPID, REALTIME, GrblState, Queued, error
 from probe.virtual.records import CONTACT, MOVE, NEVER, SEARCH, Outcome
 
@@ -139,22 +140,23 @@ class GrblController(GrblState):
         block = read_block(code, AXES[: len(self.unit)])
         if isinstance(block, int):
             return [error(block)]
+        motion = block.motion or self.motion
+        if block.axes and motion == "G80":
+            return [error(NO_MOTION)]
         for g in block.modes:
             self.modes |= {"distance": g} if g in ("G90", "G91") else {"feed": g} if g in ("G93", "G94") else {}
         if self.modes["feed"] == "G94":
             self.feed_rate = block.values.get("F", self.feed_rate)
         self.tool = self.tool if "tool-change" in self.quirks else int(block.values.get("T", self.tool))
         self.speed = int(block.values.get("S", self.speed))
+        self.motion = motion
         self.commands.append(code)
         if block.offset:
             return self._shift(block)
-        if block.motion == "G4":
+        if block.dwell and not block.axes:  # beside a motion, so short a wait makes no difference
             return self._push(Queued("G4", seconds=block.values.get("P", 0.0)))
-        self.motion = block.motion or ("G80" if "G80" in block.modes else self.motion)
         if not block.axes:
             return [OKAY]
-        if self.motion == "G80":
-            return [error(31)]
         return self._move(np.array([block.axes.get(axis, np.nan) for axis in AXES[: len(self.unit)]]), block.values)
 
     def _shift(self, block: Block) -> list[bytes]:

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from identify.model.robot import Robot
 
+NOWHERE = 1e-12  # [rad] or [mm], what rounding leaves of no distance
 RAMP = 0.2  # [s] from rest to full joint speed
 
 
@@ -73,7 +74,7 @@ def straight(
     No joint is driven faster than it can, nor accelerated faster than to its full speed in `RAMP`.
     """
     distance = np.abs(end - start)
-    if not distance.any():
+    if distance.max() < NOWHERE:
         return Profile((Piece(time, 1.0, 0.0, -1.0),), time, 1.0)
     with np.errstate(divide="ignore"):
         fastest = float(np.min(robot.speed / distance))
