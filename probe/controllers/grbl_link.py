@@ -70,7 +70,7 @@ class GrblLink:
                     if echoed and rests and (waited or not late):
                         return lines
                     still = 0.0 if late or not rests else still or heard
-                    astray = watch(report) if watch and report.state == "Run" else ""
+                    astray = watch(report) if watch and report.state in ("Run", "Idle") else ""  # Idle, late
                     against = against + 1 if astray else 0
                     if against == 1:
                         self._send(b"?")  # a report has no checksum: one alone stops nothing

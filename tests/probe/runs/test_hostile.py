@@ -31,6 +31,8 @@ REPLAYED = {
         "grbl",
         2,
     ),
+    "a motion cut short on the line went where the rest of it said": ("grbl", 1071),
+    "a motion astray was not watched while its reports still said Idle": ("grbl", 1130),
     "a move that ended early where it began left no motion that was accepted": ("line", 995),
     "so did the first look at a robot whose input stuck": ("line", 1176),
 }
