@@ -93,7 +93,10 @@ class Scripted:
     def write(self, data: bytes) -> None:
         text = data.decode("latin-1")
         self.outbox += self.report * text.count("?")
-        for line in filter(None, text.replace("?", "").split("\n")):
+        for line in text.replace("?", "").split("\n")[:-1]:
+            if not line:
+                self.outbox += b"ok\r\n"
+                continue
             self.sent.append(line)
             tag = re.search(r"\(MSG,(\w+)\)", line)
             if tag:
