@@ -94,5 +94,5 @@ DEFECTS = {
     "the robot goes on from the contact": Defect("line", 0, "was not the retract", _stays_in_contact),
     "a stop is not sent": Defect("line", 4, "still moved when stop", _does_not_stop),
     "a silent line is waited for": Defect("line", 11, " took ", _waits_for_ever),
-    "a target goes unchecked": Defect("grbl", 12, "astray", _trusts_the_line),
+    "a target goes unchecked": Defect("grbl", 13, "astray", _trusts_the_line),
 }
