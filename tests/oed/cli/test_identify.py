@@ -87,7 +87,9 @@ def test_the_same_seed_gives_the_same_calibration(folder, touchcal):
     touchcal("identify", "touches.csv", "-o", "b.json", "--seed", 3)
     a, b = (json.loads((folder / name).read_text()) for name in ("a.json", "b.json"))
 
-    assert {**a, "solve_s": 0} == {**b, "solve_s": 0}
+    for document in (a, b):  # a time is what the machine has made of it
+        del document["solve_s"], document["checksums"]["solve_s"]
+    assert a == b
 
 
 def test_touches_of_two_sessions_with_the_same_ids_are_told_apart(folder, touchcal):
