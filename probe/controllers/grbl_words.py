@@ -102,4 +102,4 @@ def trigger(word: str, joints: int, feed: float, speed: int = 0) -> str:
     F, or a C that became an S, is then a second one, an error. What is left is a guarded motion to the right target at
     another speed.
     """
-    return f"S{speed}.F{feed:.0f}.{word}" + "".join(f"{axis}.0" for axis in AXES[:joints]) + "G90"
+    return f"S{speed}.F{feed:.0f}." + "".join(f"{axis}.0" for axis in AXES[:joints]) + f"{word}G90"

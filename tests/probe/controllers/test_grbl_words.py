@@ -55,9 +55,10 @@ def test_a_target_is_an_offset_that_moves_nothing_and_the_motion_goes_to_zero(rn
     still, motion = (read_block(line, "XYZABC") for line in (offset(target, 600.0), trigger("G38.3", 6, 600.0)))
 
     assert isinstance(still, Block)
-    assert (still.motion, still.offset) == ("G4", "G43.1")
+    assert (still.motion, still.dwell, still.offset) == ("", True, "G43.1")
+    assert "G91" in still.modes
     np.testing.assert_allclose(list(still.axes.values()), target)
-    assert motion.motion == "G38.3"
+    assert (motion.motion, motion.modes) == ("G38.3", ("G90",))
     assert set(motion.axes.values()) == {0.0}
 
 
@@ -69,6 +70,17 @@ def test_a_motion_that_lost_a_byte_is_an_error_or_goes_to_the_same_place(at):
 
     same = isinstance(block, Block) and block.motion == "G38.3" and block.axes == dict.fromkeys("XYZABC", 0.0)
     assert isinstance(block, int) or same
+
+
+@pytest.mark.parametrize("word", ["G1", "G38.3"])
+def test_a_motion_that_lost_its_end_is_an_error_or_relative_to_where_the_robot_stands(word):
+    line = trigger(word, 6, 600.0)
+    for at in range(len(line)):
+        for rest in ("", "G4P.01"):  # what is sent next
+            block = read_block(line[:at] + rest, "XYZABC")
+
+            nowhere = isinstance(block, Block) and "G90" not in block.modes and not any(block.axes.values())
+            assert isinstance(block, int) or nowhere
 
 
 def test_axis_words_have_the_decimals_of_a_position():
