@@ -13,7 +13,7 @@ and its pictures again with one command, on all cores of this machine or, with `
 What is finished is kept: a study that was interrupted goes on where it was. A seed gives the same table anywhere.
 
 This page is made from the scripts by `python -m studies.readme`. The figures of the studies strategies, touches, jig,
-observability, beyond and campaign are older than plans that count with touches that miss and than fits that average
+beyond and campaign are older than plans that count with touches that miss and than fits that average
 joint errors: both are more careful now, so promises computed again are wider.
 """
 

@@ -6,7 +6,7 @@ from html import escape
 import numpy as np
 
 from identify.compensation.ladder import ladder
-from identify.estimation.verification import Verification
+from identify.estimation.verification import Verification, beyond_in_zone
 from identify.model.io.calibration_file import Calibration, Errors, summarize
 from identify.model.measurement import Measurements
 from identify.model.touch import Touches
@@ -43,6 +43,7 @@ def report(
     sections = [
         head(c, issue or Issue(), tables),
         _verdict(c, verified),
+        _beyond(c, verified),
         "<h2>Accuracy</h2>",
         _accuracy(c, verified),
         "" if zone is None else f"<h2>Expected tip error in the weld zone</h2>{charts.zone_slices(zone)}{ZONE}",
@@ -101,6 +102,13 @@ def _verdict(c: Calibration, verified: Verification | None) -> str:
     else:
         sentences.append("No zone is given and nothing was verified: there is no accuracy to state.")
     return f'<p class="verdict{"" if good else " bad"}">{escape(" ".join(sentences))}</p>'
+
+
+def _beyond(c: Calibration, verified: Verification | None) -> str:
+    """Where the promise rests on extrapolation: joints and coordinates in which the fit had no data."""
+    places = [("these unseen places", verified.beyond if verified else ()), ("the weld zone", beyond_in_zone(c))]
+    sentences = [f"Of {what}, beyond the data of the fit: {'; '.join(where)}." for what, where in places if where]
+    return f'<p class="soft">{escape(" ".join(sentences))}</p>' if sentences else ""
 
 
 def _shared(c: Calibration) -> str:

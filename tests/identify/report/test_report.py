@@ -67,6 +67,15 @@ def test_promised_and_delivered_stand_in_one_line(calibration, measured):
     assert "Not verified yet" in page
 
 
+def test_where_the_fit_had_no_data_stands_below_the_verdict(calibration, measured):
+    narrow = replace(calibration, spans=calibration.spans | {"z mm": (1e3, 2e3)})
+
+    said = "Of the weld zone, beyond the data of the fit: z"
+
+    assert said in report(narrow, [measured])
+    assert said not in report(calibration, [measured])
+
+
 def test_a_face_that_stands_elsewhere_is_named_with_its_interval(calibration, measured):
     k = next(i for i, value in enumerate(calibration.shared) if value.name == "face.top-high")
     faces = list(calibration.shared)
