@@ -22,7 +22,7 @@ OURS = ("with_touchcal", "with_scipy")  # SciPy is a dependency of ours, so it i
 
 
 def race(racer: str, method: str, problem: Mapping[str, np.ndarray], seconds: float) -> dict[str, Any]:
-    """What a method found, its least processor time [s] and peak memory [MB]; or why it did not, as `result`."""
+    """What a method found, its processor time [s] (least mean of a block) and memory [MB]; or why not, as `result`."""
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / name for name in ("problem.npz", "answer.npz")]
         np.savez(files[0], **problem)  # type: ignore[arg-type]  # mypy takes it for allow_pickle
