@@ -22,7 +22,9 @@ jig: {jig}
 # Where the robot stands: its base frame seen from the jig frame, Trans(x, y, z) Rz Ry Rx; as near as priors says.
 {base_note}{base}
 
-# What it carries: the tip of the wire seen from the flange. The tool frame on the pendant will do.
+# What it carries: the tip of the wire seen from the flange. The tool frame on the pendant will do. Plans keep a torch
+# clear whose nozzle is 20 mm across and 110 mm long and whose body is 40 mm across; for another, write capsules: of the
+# last link into a robot file.
 {tool_note}{tool}
 
 # The end of the wire: a cut wire is flat, a melted one a ball. Cut it before the touches and lock the wire brake.
