@@ -22,7 +22,7 @@ def positions(cell, rng, temperature):
     ("temperature", "grows"), [([20.0, 20.0, 20.0, 20.0], False), ([20.0, 22.0, 24.0, 26.0], True)]
 )
 def test_links_are_said_to_grow_only_where_temperatures_differ(temperature, grows, arc_welder, rng):
-    measured = rows(arc_welder.wire, [positions(arc_welder, rng, temperature)])
+    measured = rows(arc_welder.wire, [positions(arc_welder, rng, temperature)], arc_welder.robot)
 
     names = shown(arc_welder, measured)
 

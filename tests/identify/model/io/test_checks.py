@@ -10,7 +10,7 @@ CELL_MISTAKES = {
     "unknown key at the top": ("fixed:", "fixd:", "9: unknown key 'fixd'; did you mean 'fixed'?"),
     "not a number": ("x_mm: 340", "x_mm: .nan", "3: base.x_mm is nan: "),
     "infinite": ("x_mm: 340", "x_mm: .inf", "3: base.x_mm is inf: "),
-    "decimal comma": ("z_mm: 410", "z_mm: 410,5", "5: tool.z_mm is '410,5': "),
+    "decimal comma": ("z_mm: 410", "z_mm: 410,5", "5: 410,5 has a decimal comma; write 410.5"),
     "truth for a number": ("z_mm: 410", "z_mm: true", "5: tool.z_mm is True: "),
     "negative": ("sigma_mm: 0.05", "sigma_mm: -0.05", "7: touch.sigma_mm is -0.05: "),
     "missing key": ("robot: robot.yaml\n", "", "1: key 'robot' is missing"),
