@@ -123,12 +123,7 @@ def _effort(done: Campaign) -> dict[str, Any]:
 
 def _toucher(folder: Path, cell: Cell, truth: Truth, seed: int) -> Callable[[Job], Touches]:
     """What makes the touches of a job: the real driver, and a virtual robot behind a pseudo-terminal."""
-
-    def touch(job: Job) -> Touches:
-        virtual = Connection(SIM, "line", truth=truth, seed=seed + job.number)
-        return over_port(folder, cell, virtual, Settings(trust_position=True))(job)
-
-    return touch
+    return over_port(folder, cell, Connection(SIM, "line", truth=truth, seed=seed), Settings(trust_position=True))
 
 
 def _planned(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:

@@ -145,7 +145,10 @@ def as_campaigns_say(text: str) -> str:
 def over_port(
     folder: Path, cell: Cell, connection: Connection, settings: Settings, tell: Listener = ignore
 ) -> Callable[[Job], Touches]:
-    """What makes the touches of a job over a port, into touches-N.csv; one that was interrupted goes on."""
+    """What makes the touches of a job over a port, into touches-N.csv; one that was interrupted goes on.
+
+    A virtual robot scatters anew in each job: repeated noise would not average out.
+    """
 
     def touch(job: Job) -> Touches:
         path = folder / f"touches-{job.number}.csv"
@@ -154,7 +157,8 @@ def over_port(
             return touches
         patient = replace(settings, misses=len(job.plan) + 1, retries=0) if job.searching else settings
         try:
-            with connection.session(cell, job.cell, job.plan, path, resume=True) as touching:
+            anew = replace(connection, seed=connection.seed + job.number)
+            with anew.session(cell, job.cell, job.plan, path, resume=True) as touching:
                 _run(job, touching, patient, tell)
         except TouchError as error:
             raise TouchError(as_campaigns_say(str(error))) from None

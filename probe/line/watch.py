@@ -16,7 +16,8 @@ class Watch:
     """What a robot may report while it moves straight from `start` to `end` at a rate.
 
     Made before the command is sent: the robot cannot be further along than its own time since then allows. Progress
-    counts in the driver's time: a report that waited while a simulated cell jumped on is no standstill.
+    counts in the driver's time, from the first report on: a report that waited while a simulated cell jumped on, or
+    worked a motion out, is no standstill.
     """
 
     def __init__(
@@ -36,7 +37,7 @@ class Watch:
         self._clock, self._began = clock, clock.robot()
         self._from_contact, self._off = from_contact, off
         self._farthest = 0.0  # [deg] along the segment
-        self._progress, self._progressed = 0.0, clock.now()  # [deg] at the last progress, and when it was heard
+        self._progress, self._progressed = 0.0, np.inf  # [deg] at the last progress, and when it was heard
         self._closed_at: float | None = None  # [deg] along the segment, where the input was first seen closed
 
     def objection(self, q: Float[np.ndarray, " joints"], closed: bool) -> str:
@@ -54,7 +55,7 @@ class Watch:
         possible = FASTER * self._rate * (self._clock.robot() - self._began + LATE) + OFF
         if along > possible:
             return f"{along:.2f} deg along its path, expected at most {possible:.2f} deg at {self._rate:.2f} deg/s"
-        if along > self._progress + OFF / 10 or self._span - along < OFF:
+        if along > self._progress + OFF / 10 or self._span - along < OFF or np.isinf(self._progressed):
             self._progress, self._progressed = along, now
         self._farthest = max(self._farthest, along)
         if now - self._progressed > STALLED:

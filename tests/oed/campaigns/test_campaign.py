@@ -240,5 +240,22 @@ def test_a_campaign_that_stops_names_no_option_that_it_does_not_have(known, firs
         over_port(tmp_path, known, Connection("loop://", "line"), Settings())(job)
 
 
+def test_a_virtual_robot_scatters_anew_in_each_stage(known, first, tmp_path, monkeypatch):
+    seeds = []
+
+    def noted(connection, *_, **__):
+        seeds.append(connection.seed)
+        raise TouchError("enough")
+
+    monkeypatch.setattr(Connection, "session", noted)
+    for number in (1, 2):
+        with pytest.raises(TouchError, match="enough"):
+            over_port(tmp_path, known, Connection("sim", seed=5, protocol="line"), Settings())(
+                Job(number, known, first, True, 1.0)
+            )
+
+    assert len(set(seeds)) == 2
+
+
 def test_a_stage_without_all_its_rows_is_not_complete(known, first, tmp_path):
     assert touches_of(tmp_path / "touches-1.csv", known, first) is None

@@ -56,6 +56,18 @@ def test_a_robot_that_stands_still_on_its_way_is_told_on() -> None:
     assert "no progress for 3.1 s" in seen.objection(0.4 * END, False)
 
 
+def test_a_robot_that_is_silent_before_it_sets_out_does_not_stand_still() -> None:
+    clock = Ticks()
+    seen = watch(clock)
+    clock.sleep(3.4)
+
+    assert seen.objection(0.0 * END, False) == ""
+    clock.sleep(2.9)
+    assert seen.objection(0.0 * END, False) == ""
+    clock.sleep(0.2)
+    assert "no progress for 3.1 s" in seen.objection(0.0 * END, False)
+
+
 def test_a_slow_robot_that_is_asked_often_makes_progress() -> None:
     clock = Ticks()
     seen = Watch(START, END, 0.04, clock)
