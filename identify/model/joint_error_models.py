@@ -111,7 +111,7 @@ class Arm:
     @cached_property
     def frames(self) -> list[tuple[ca.SX, ca.SX]]:
         """Rotation and origin [mm] of link frames 0 to N in the base frame, by the nominal dimensions."""
-        R, p = ca.SX(self.robot.base_T_first[:3, :3]), ca.SX(self.robot.base_T_first[:3, 3])
+        R, p = ca.SX(self.robot.base_T_first[:3, :3].round(15)), ca.SX(self.robot.base_T_first[:3, 3])
         frames = [(R, p)]
         for i, (theta, d, a, alpha, beta) in enumerate(self.robot.drawn):
             slides = self.robot.prismatic[i]
@@ -132,7 +132,7 @@ class Arm:
         robot, last = self.robot, len(self.robot.joints)
         R, p = self.frames[-1]
         flange = p + R @ ca.SX(robot.last_T_flange[:3, 3])
-        R = R @ ca.SX(robot.last_T_flange[:3, :3])
+        R = R @ ca.SX(robot.last_T_flange[:3, :3].round(15))
         mass, centre = robot.payload if robot.payload else (0.0, (0.0, 0.0, 0.0))
         load = flange + R @ (ca.SX(list(centre)) if robot.payload else self.tool[:3])
         larger = 1 + self.beyond if robot.payload else 1.0

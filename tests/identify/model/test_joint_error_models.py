@@ -9,6 +9,7 @@ from measured import positions_at
 
 from identify.estimation.calibrate import calibrate
 from identify.model.files import InputError
+from identify.model.frames import transform
 from identify.model.identifiability import structure
 from identify.model.io.description import library, read_cell, read_robot
 from identify.model.io.entries import cell_entry, cell_from_entry
@@ -150,6 +151,16 @@ def test_what_geometry_explains_is_not_called_an_error(arc_welder):
     assert not {"j1.sag3", "j1.load"} & set(found.names)  # no weight turns an upright axis
     geometric = structure(arc_welder)
     assert {geometric.names[i] for i in geometric.kept} <= {found.names[i] for i in found.kept}
+
+
+def test_a_robot_that_a_urdf_hangs_upside_down_has_the_same_errors_when_its_file_is_read_again():
+    """Axis 1 is as upright as rounding leaves it: the file holds half a turn, the URDF a matrix of whole numbers."""
+    robot = replace(robot_with(("compliance",)), base_T_first=np.diag([1.0, -1.0, -1.0, 1.0]))
+    again = replace(robot, base_T_first=transform(np.array([0.0, 0.0, 0.0, 0.0, 0.0, np.pi])))
+
+    assert again.base_T_first[2, 1] != 0
+    assert again.parameters == robot.parameters
+    assert not any(name.startswith("j1.") for name, _, _ in robot.error_parameters)
 
 
 def test_a_calibration_estimates_the_errors_it_is_asked_for(rng):
