@@ -3,7 +3,7 @@
 Setup: one run, one thread, each racer in a process of its own with a limit of processor time. Identification: the
 paper's robot drawn from its tolerances, 100 positions seen by a tracker or 100 touches of planes (0.05 mm), and a real
 IRB 120, 100 of its 500 measured positions; three draws each; the error is that of the tip at 300 to 400 poses that no
-racer saw. Time is processor time, the least of nine runs after the first or of a second of them, since others use the
+racer saw. Time is processor time, the least mean of nine blocks of runs after the first run, since others use the
 machine; it reads no file that a racer can do without.
 All minimise the same sum of squares with the same tolerances as priors, where they can: SciPy by `trf` and `lm` with
 parameters scaled by their tolerances and equations written in NumPy for all touches at once; figaroh as its
@@ -16,8 +16,10 @@ is reported as such.
 
 Answer: all that estimate with the tolerances end at the same unseen error; without them it is 1.2 times as large on the
 real robot, and millimetres on the simulated one, where the zone is small (figaroh structural 3.7 mm, pybotics 5.4 mm
-against 0.027 mm). One fit of ours takes 3.9 ms of positions, 5.8 ms of the IRB 120's and 4.3 ms of touches: 18, 11 and
-42 times as fast as SciPy, the fastest peer (72, 64 and 180 ms), and 470 times as fast as figaroh `map` (1.9 and 2.7 s).
+against 0.027 mm). One fit of ours takes 7.6 ms of positions, 5.7 ms of the IRB 120's and 7.2 ms of touches on a machine
+that five others used, 6.6, 9 and 14 times as fast as SciPy, the fastest peer (50, 51 and 99 ms); on a quiet one it was
+3.9, 5.8 and 4.3 ms, 18, 11 and 42 times, and 470 times as fast as figaroh `map` (1.9 and 2.7 s). What follows is of the
+quiet one.
 On the IRB 120 ours finds by itself where tracker and reflector are and which parameters the positions determine, which
 the others are told or leave to the tolerances, and that is a third of its time. `calibrate`, which also leaves outliers
 out, weighs the tolerances by the scatter and looks for faults, takes 8.0, 20 and 8.0 ms: 9, 3.2 and 23 times as fast
