@@ -173,7 +173,8 @@ class Grbl:
         watch = Watch(start, end, degrees, self.link.clock, from_contact=before.contact, off=OFF)
 
         def astray(report: Report) -> str:
-            return watch.objection(report.position * self._unit / self._degree, report.probe)
+            stands = report.state == "Idle"
+            return watch.objection(report.position * self._unit / self._degree, report.probe, stands=stands)
 
         try:
             lines = self.link.told(line, seconds + SLACK, astray, poll)

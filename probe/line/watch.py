@@ -40,14 +40,19 @@ class Watch:
         self._progress, self._progressed = 0.0, np.inf  # [deg] at the last progress, and when it was heard
         self._closed_at: float | None = None  # [deg] along the segment, where the input was first seen closed
 
-    def objection(self, q: Float[np.ndarray, " joints"], closed: bool) -> str:
-        """What is wrong with a position [deg] or [mm] that a moving robot reports, or nothing."""
+    def objection(self, q: Float[np.ndarray, " joints"], closed: bool, *, stands: bool = False) -> str:
+        """What is wrong with a position [deg] or [mm] that a moving robot reports, or nothing.
+
+        Of one that says that it `stands`, before or after its motion, no progress is expected.
+        """
         now, away = self._clock.now(), q - self._start
         fraction = float(away @ self._line) / self._square if self._square else 0.0
         off = float(np.abs(away - fraction * self._line).max())
         along = fraction * self._span
         if off > self._off:
             return f"{off:.2f} deg off the commanded path"
+        if stands:
+            return ""
         if along > self._span + OFF:
             return f"{along - self._span:.2f} deg beyond the end of the commanded path"
         if along < self._farthest - OFF:

@@ -105,7 +105,6 @@ class Scripted:
             if written := re.search(r"F([.\d]+)", line):
                 self.feed = written[1]
             if "G38.3" in line and (probed := re.search(rb"PRB:(.*):0", self.answers.get("G38.3", b""))):
-                self.clock.sleep(2.5)  # the motion takes its time
                 self.report = b"<Idle|MPos:" + probed[1] + b"|FS:0,0>\r\n"
             if "G43.1" in line:
                 self.offset = ",".join(re.findall(r"[XYZABC](-?[.\d]+)", line))

@@ -68,6 +68,14 @@ def test_a_robot_that_is_silent_before_it_sets_out_does_not_stand_still() -> Non
     assert "no progress for 3.1 s" in seen.objection(0.0 * END, False)
 
 
+def test_a_robot_that_says_it_stands_may_be_anywhere_on_its_path_and_nowhere_else() -> None:
+    seen = watch(Ticks())
+
+    assert seen.objection(END, False, stands=True) == ""
+    assert seen.objection(START, False, stands=True) == ""
+    assert "off the commanded path" in seen.objection(0.5 * END + [0, 0, 0.2, 0, 0, 0], False, stands=True)
+
+
 def test_a_slow_robot_that_is_asked_often_makes_progress() -> None:
     clock = Ticks()
     seen = Watch(START, END, 0.04, clock)
