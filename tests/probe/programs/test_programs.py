@@ -93,8 +93,6 @@ def test_joints_are_written_and_read_as_the_controller_counts_them(maker, few, t
 
     plain, other = (make(one, maker, tmp_path, Options()) for one in (few, counted))
 
-    off = np.degrees(other.touches.q - plain.touches.q)
-    assert np.abs(off).max() < 0.003  # rounding decides where in its play of 0.002 degrees a joint rests
     assert plain.files.keys() == other.files.keys()
     assert all(plain.files[name] != other.files[name] for name in plain.files if name.startswith("TC1."))
     np.testing.assert_allclose(other.touches.q, plain.touches.q, atol=np.radians(0.01))  # play that rounding turns
@@ -153,18 +151,6 @@ def test_an_option_that_a_controller_cannot_take_is_named_with_its_cure(few, mak
 )
 def test_a_file_holds_as_many_touches_as_there_are_registers_behind_the_first(maker, options, touches):
     assert MAKERS[maker].capacity(options) == touches
-
-
-def test_a_fanuc_that_counts_joint_3_with_joint_2_makes_the_same_touches(few, tmp_path):
-    robot = replace(few.cell.robot, counting=JointCounting(coupled=((2, 1, 1),)))
-    coupled = replace(few, cell=replace(few.cell, robot=robot))
-
-    plain, other = (make(bench, "fanuc", tmp_path, Options()) for bench in (few, coupled))
-
-    assert other.files["TC1.LS"] != plain.files["TC1.LS"]
-    assert other.touches.status == plain.touches.status == ("hit",) * FEW
-    off = np.degrees(other.touches.q - plain.touches.q)
-    assert np.abs(off).max() < 0.003  # rounding decides where in its play of 0.002 degrees a joint rests
 
 
 def test_pulses_that_are_not_known_are_asked_for(few):
