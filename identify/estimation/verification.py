@@ -13,6 +13,7 @@ from identify.model.zone import zone_poses
 from identify.uncertainty.promise import ROBOTS, SHARE
 from identify.uncertainty.unknowns import Unknowns
 
+LEAST = 0.005  # share of the poses that is worth a word
 SLACK = 0.02  # of the range of the data, beyond which a pose lies where there was none
 
 
@@ -61,7 +62,7 @@ def beyond(calibration: Calibration, q: Float[np.ndarray, "poses joints"]) -> tu
         slack = SLACK * (high - low) if np.isfinite(high - low) else 0.0
         axis, unit = name.split()
         for side, out, end in (("below", value < low - slack, low), ("above", value > high + slack, high)):
-            if out.any():
+            if out.mean() >= LEAST:
                 places.append((float(out.mean()), f"{axis} {side} {end:.0f} {unit}: {100 * out.mean():.0f} %"))
     return tuple(text for _, text in sorted(places, reverse=True))
 

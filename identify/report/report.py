@@ -177,8 +177,12 @@ def _outliers(c: Calibration) -> str:
 
 def _parameters(c: Calibration) -> str:
     unit, names = c.cell.robot.parameter_unit(), c.cell.robot.parameters
+    errors = {name for name, _, _ in c.cell.robot.error_parameters}
+    small = {i for i in c.index if names[i] in errors and abs(c.theta[i]) < INTERVAL * c.sigma[i]}
     rows = []
     for i, name in enumerate(names):
+        if i in small:
+            continue
         status, sigma = c.status(name), INTERVAL * c.sigma[i] / unit[i]
         seen = "well seen" if c.sigma[i] < WELL_SEEN * c.cell.prior[i] else "partly seen"
         sight = {"estimated": "weak: tolerances tell more" if name in c.weak else seen, "fixed": "fixed by the user"}
@@ -195,7 +199,9 @@ def _parameters(c: Calibration) -> str:
                 words,
             ]
         )
-    return table(["parameter", "start", "identified", "change", "+- (95 %)", ""], rows, (5,))
+    words = f"{len(small)} joint errors are zero within their uncertainty; calibration.json holds them all."
+    note = f'<p class="soft">{words}</p>' if small else ""
+    return table(["parameter", "start", "identified", "change", "+- (95 %)", ""], rows, (5,)) + note
 
 
 def _carried(c: Calibration, name: str) -> str:
