@@ -67,14 +67,15 @@ class Candidates:
         """The name of the face of every touch."""
         return tuple(self.faces[i].name for i in self.face)
 
-    def expected_rows(self, cell: Cell) -> Rows:
+    def expected_rows(self, cell: Cell, power: float | None = None) -> Rows:
         """The equations with standard deviations by which a touch counts as much as it is worth planning.
 
         A touch that a share p of the robots meets tells p f f' on average; it counts p^SURELY f f', since a miss costs
-        time, and misses of one robot come together.
+        time, and misses of one robot come together. Another `power` is for robots of which each misses its own.
         """
         rows = self.rows(cell)
-        return replace(rows, sigma=rows.sigma * np.maximum(self.hit, RARE) ** (-SURELY / 2))
+        power = SURELY if power is None else power
+        return replace(rows, sigma=rows.sigma * np.maximum(self.hit, RARE) ** (-power / 2))
 
     def rows(self, cell: Cell) -> Rows:
         """The equations that these touches will give."""
@@ -175,7 +176,7 @@ class _Search:
         kept = margins(cell, root, theta, face, known.q, share)
         self.inset = np.minimum(kept.inset / size, 0.5)
         self.feasibility = Feasibility(cell, theta, kept, margin)
-        self.hits = Hits.drawn(cell, theta, root)
+        self.hits = Hits(cell, theta, root)
         self.tally = np.zeros((len(self.faces), len(Infeasibility)), dtype=int)
 
     def round(self, size: int) -> Candidates:

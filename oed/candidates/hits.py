@@ -1,8 +1,9 @@
 """What robots that may be off meet with a search: its face, the outside of it, something else first, or nothing."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,12 +11,14 @@ from jaxtyping import Bool, Float, Int
 from identify.model.cell import Cell
 from probe.motion.obstacles import Obstacle, obstacles
 
-ROBOTS = 128  # drawn, by which touches are chosen
+PLACES = 128  # of the tip, by which touches are chosen
 SEED = 11
+TINY = 1e-9  # [mm^2], so that a tip that cannot be off has places, too
 SURE = 0.98  # share of the robots that should meet a touch, or that which
 SUREST = 0.1  # of the postures of its face reach;
 POOR = 0.8  # where that is less, all postures are asked for: there is nothing sure on such a face
 BLOCK = 1_000  # touches looked at together
+PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # 1/x and 1/x^2 of x^3 = x + 1 (Roberts 2018)
 TOWARDS = 0.05  # cosine between two normals, above which a search for one face also goes down to the other
 
 
@@ -39,28 +42,38 @@ MISSES = {
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Searches of robots drawn from what is known of one."""
+    """Searches of robots of which so much is known."""
 
     cell: Cell
     theta: Float[np.ndarray, " parameters"]  # [mm, rad]
-    off: Float[np.ndarray, "robots parameters"]  # [mm, rad], by which each robot differs from theta
+    root: Float[np.ndarray, "parameters directions"]  # of the covariance root root' of the robots around theta
     least: Float[np.ndarray, " faces"] | None = None  # share of the robots that a touch has to be met by; None: any
 
-    @classmethod
-    def drawn(
-        cls, cell: Cell, theta: Float[np.ndarray, " parameters"], root: Float[np.ndarray, "parameters directions"]
-    ) -> "Hits":
-        """ROBOTS robots of the covariance root root', each direction at the same quantiles (Latin hypercube)."""
+    def robots(self, count: int) -> Float[np.ndarray, "robots parameters"]:
+        """By how much robots differ from theta, each direction at the same quantiles (Latin hypercube) [mm, rad]."""
         from scipy.special import ndtri
 
-        quantiles = np.tile(ndtri((np.arange(ROBOTS) + 0.5) / ROBOTS), (root.shape[1], 1))
-        return cls(cell, theta, (root @ np.random.default_rng(SEED).permuted(quantiles, axis=1)).T)
+        quantiles = np.tile(ndtri((np.arange(count) + 0.5) / count), (self.root.shape[1], 1))
+        return np.asarray((self.root @ np.random.default_rng(SEED).permuted(quantiles, axis=1)).T)
 
     def share(
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
     ) -> Float[np.ndarray, " touches"]:
-        """The share of the robots whose search meets its face."""
-        return np.asarray((self.outcomes(face, q) == Outcome.MEETS).mean(axis=0))
+        """The share of the robots whose search meets its face.
+
+        Each touch has PLACES places of the tip, spread evenly over what the tip may be off (Hammersley): touches that
+        are compared by their shares, and moved to where these are best, are then not chosen for the luck of a draw.
+        """
+        points, root = _normal_points(), self.root
+
+        def off(i: int, J: Float[np.ndarray, "some 3 parameters"]) -> Float[np.ndarray, "places some 3"]:
+            one = self.cell.the_jig.faces[i]
+            axes = np.stack([one.normal, one.u / one.size[0], np.cross(one.normal, one.u / one.size[0])])
+            A = axes @ J @ root
+            L = np.linalg.cholesky(A @ A.transpose(0, 2, 1) + TINY * np.eye(3))  # the normal first: its own quantiles
+            return np.asarray(np.einsum("kj,mij,ip->kmp", points, L, axes, optimize=True))
+
+        return np.asarray((self._outcomes(face, q, PLACES, off) == Outcome.MEETS).mean(axis=0))
 
     def requiring(self, face: Int[np.ndarray, " touches"], share: Float[np.ndarray, " touches"]) -> "Hits":
         """The same, with what surely meets a face to be asked for: SURE, or what the surest postures have."""
@@ -77,21 +90,34 @@ class Hits:
         return np.ones(len(face), dtype=bool) if self.least is None else share >= self.least[face]
 
     def outcomes(
-        self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"]
+        self,
+        face: Int[np.ndarray, " touches"],
+        q: Float[np.ndarray, "touches joints"],
+        robots: Float[np.ndarray, "robots parameters"],
     ) -> Int[np.ndarray, "robots touches"]:
-        """What each robot meets with each touch: the whole search is off by what its tip is off at contact, to first
-        order.
-        """
-        out = np.empty((len(self.off), len(q)), dtype=np.int8)
+        """What robots that differ so much from theta meet with each touch."""
+        return self._outcomes(
+            face, q, len(robots), lambda i, J: (robots @ J.reshape(-1, J.shape[2]).T).reshape(len(robots), -1, 3)
+        )
+
+    def _outcomes(
+        self,
+        face: Int[np.ndarray, " touches"],
+        q: Float[np.ndarray, "touches joints"],
+        many: int,
+        off: Callable[[int, np.ndarray], np.ndarray],
+    ) -> Int[np.ndarray, "many touches"]:
+        """What searches meet, each of which as a whole is off by what its tip is off at contact, to first order."""
+        out = np.empty((many, len(q)), dtype=np.int8)
         approach = self.cell.touch.approach
-        for i in np.unique(face):
+        for i in np.unique(face).tolist():
             mine, normal = np.flatnonzero(face == i), self.cell.the_jig.faces[i].normal
             for begin in range(0, len(mine), BLOCK):
                 some = mine[begin : begin + BLOCK]
                 tip, J = self.cell.kinematics.tip_jacobian(q[some], self.theta)
-                off = (self.off @ J.reshape(3 * len(some), -1).T).reshape(-1, len(some), 3)
                 extent = tip @ normal - self.cell.the_jig.faces[i].offset
-                out[:, some] = self.outcome(int(i), (tip + approach * normal) + off, -approach * normal, extent)
+                start = tip + approach * normal + off(i, J)
+                out[:, some] = self.outcome(i, start, -approach * normal, extent)
         return out
 
     def outcome(
@@ -213,6 +239,15 @@ class _Rectangle:
             at = np.where(down < 0, (extent - height) / down, np.inf)
             s, t = s + at * along, t + at * across  # NaN where the search never comes there
         return at, (s > 0) & (s < 1) & (t > 0) & (t < 1)
+
+
+@cache
+def _normal_points() -> Float[np.ndarray, "places 3"]:
+    """Points spread as a normal distribution is, evenly in the first axis, nearly so in the others (Hammersley)."""
+    from scipy.special import ndtri
+
+    i = np.arange(PLACES)[:, None] + 0.5
+    return np.asarray(ndtri(np.hstack([i / PLACES, i * PLASTIC % 1])))
 
 
 def _sides(solid: Obstacle) -> list[_Rectangle]:

@@ -39,8 +39,8 @@ class Choice:
     budget: str | None = None
     """How long measuring may take: 15min, 1h, 90s; a number alone means minutes. It goes with --kinds."""
     seconds: float | None = None
-    """So long the plan may search for better touches, and for a better bound on all touches; a few seconds if not
-    given. What it finds then depends on the machine."""
+    """So long the plan searches for better touches, and for a better bound on all touches, but no less than without it:
+    a few seconds. What it finds then depends on the machine."""
     unseen: Flag = False
     """Plan touches to verify with instead, 20 if not said otherwise: well spread, and different from those of plan.csv
     and of the fit (--after). Written to unseen-plan.csv if not said otherwise."""

@@ -14,7 +14,7 @@ from oed.design.restricted_master import Master
 from oed.design.weight_limits import Admissible
 
 ROUNDS = 60  # 7 to 15 are usual
-SAMPLE = 20_000  # candidates that the starting columns are drawn from
+SAMPLE = 5_000  # candidates that the starting columns are drawn from
 ALIKE = 0.8  # squared cosine of two candidates, as they are priced, above which only the better one joins in a round
 POOL, BLOCK = 50_000, 4096  # candidates that may join, best first, and how many of them are compared at once
 

@@ -71,7 +71,8 @@ def exact_design(
     `quotas` are the smallest and largest number of touches per `face` (a number or a name); no two touches are closer
     than `min_distance` in `positions`. The search begins with a set completed from `start`, as far as that keeps the
     rules. It makes `iterations` local searches, as many as the problem needs if not given, and is the same for the same
-    `rng`; with `seconds` it goes on until they are over, and what it finds depends on the machine.
+    `rng`. With `seconds` it goes on until they are over, and what it finds depends on the machine; with both, until so
+    many searches are made and the seconds are over.
     """
     problem = design_problem(
         rows,
@@ -92,9 +93,10 @@ def exact_design(
     relaxation = problem.relaxed(repeats) if relaxation is None else relaxation
     level, M = _scaled(problem, relaxation)
     basis = whitener(M)
+    least = iterations or 0
     size, iterations = _effort(problem, relaxation.closeness, iterations)
     begin = np.zeros(0, int) if start is None else np.intersect1d(start, problem.free)
-    progress = _progress(seconds, iterations)
+    progress = _progress(seconds, iterations if seconds is None else least)
     best_sets, searches = _searched(problem, relaxation.closeness, basis, size, rng, progress, begin)
     best = max((_polished(problem, basis, ids) for ids in best_sets), key=lambda winner: winner.log)
     return _design(problem, best.members, relaxation, searches, level)
@@ -150,12 +152,15 @@ def _close(problem: DesignProblem, closeness: Float[np.ndarray, " candidates"]) 
 
 def _progress(seconds: float | None, iterations: int) -> Callable[[int], float]:
     """The share of the search that is over, after so many local searches."""
-    if seconds is None:
-        return lambda count: count / iterations
-    if not seconds > 0:
+    if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: {seconds:g}, expected more than 0")
     begin = time.perf_counter()
-    return lambda count: (time.perf_counter() - begin) / seconds
+
+    def share(count: int) -> float:
+        time_share = 1.0 if seconds is None else (time.perf_counter() - begin) / seconds
+        return min(time_share, count / iterations) if iterations else time_share
+
+    return share
 
 
 def _scaled(problem: DesignProblem, relaxation: ApproximateDesign) -> tuple[float, Float[np.ndarray, "p p"]]:

@@ -12,10 +12,14 @@ from oed.criteria.swaps import Members, Swaps, Table
 
 
 class RobustSwaps(Swaps):
-    """The mean of a criterion's logarithm over robots; each has rows of the same touches, 0 where it misses one."""
+    """The mean of a criterion's logarithm over robots; each has rows of the same touches, 0 where it misses one.
 
-    def __init__(self, robots: Sequence[Swaps]):
+    With `weights`, some count more than others.
+    """
+
+    def __init__(self, robots: Sequence[Swaps], weights: Sequence[float] | None = None):
         self.robots = list(robots)
+        self.weights = np.ones(len(robots)) if weights is None else np.array(weights)
         super().__init__(robots[0].rows, robots[0].before, robots[0].criterion)
 
     def among(self, index: Int[np.ndarray, " some"]) -> Self:
@@ -27,15 +31,15 @@ class RobustSwaps(Swaps):
 
     def log(self, members: Members) -> float:
         """Mean of the logarithms."""
-        return float(np.mean([robot.log(members) for robot in self.robots]))
+        return float(np.average([robot.log(members) for robot in self.robots], weights=self.weights))
 
     def gains(self, members: Members) -> Float[np.ndarray, " pool"]:
         """Mean gain: the least one would be of robots that are well off already."""
-        return np.mean([robot.gains(members) for robot in self.robots], axis=0)
+        return np.average([robot.gains(members) for robot in self.robots], axis=0, weights=self.weights)
 
     def losses(self, members: Members) -> Float[np.ndarray, " touches"]:
         """Mean loss."""
-        return np.mean([robot.losses(members) for robot in self.robots], axis=0)
+        return np.average([robot.losses(members) for robot in self.robots], axis=0, weights=self.weights)
 
     def load(self, members: Members) -> None:
         """Make a set the present one, of every robot."""
@@ -51,10 +55,10 @@ class RobustSwaps(Swaps):
 
     def table(self) -> Table:
         """By how much the logarithm grows."""
-        total = self.robots[0].growth(self.robots[0].table()).astype(float)
-        for robot in self.robots[1:]:
-            total += robot.growth(robot.table())
-        return np.asarray(total / len(self.robots))
+        total = np.zeros((len(self.members), len(self.rows)))
+        for robot, weight in zip(self.robots, self.weights.tolist(), strict=True):
+            total += weight * robot.growth(robot.table())
+        return np.asarray(total / self.weights.sum())
 
     def growth(self, table: Table) -> Table:
         """The table itself."""
@@ -73,6 +77,6 @@ class RobustSwaps(Swaps):
         first, second = promising(table)
         if not len(first):
             return 0, 0, 0.0
-        logs = np.mean([robot.logs_after(first, second) for robot in self.robots], axis=0)
+        logs = np.average([r.logs_after(first, second) for r in self.robots], axis=0, weights=self.weights)
         k = int(np.argmax(logs))
         return int(first[k]), int(second[k]), float(np.exp(logs[k] - self.log(self.members)))

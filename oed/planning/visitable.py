@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.uncertainty.coordinates import Coordinates
-from oed.candidates.candidates import Candidates
+from oed.candidates.candidates import SURELY, Candidates
 from oed.candidates.hits import Outcome
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
@@ -27,6 +27,7 @@ FEW = 6  # local searches, where touches are chosen again and again
 USED = 60  # touches of the relaxation that are asked whether clear ways join them
 POOL = 400  # touches that an exchange over several robots looks at
 ROBOTS = 48  # of them
+AVERAGE = 1.0  # times all of these together, that the average robot counts beside them
 TRIES = 4  # of choosing again where the chosen cannot be visited
 MENDS = 6  # of replacing what cannot be visited
 LOOKS = 30  # at touches that tell nearly the same
@@ -214,26 +215,29 @@ def measured(
 def expected(best: Best) -> Pick:
     """Choose what is best on average over robots drawn from what is known, each of which misses other touches.
 
-    The search begins with what is best for the information of the average robot, and swaps touches for those that would
-    gain most, by the mean logarithm of the criterion; a touch tells a robot that misses it nothing.
+    The search begins with what is best for the information of the average robot, or with the touches before that are
+    still allowed, and swaps touches for those that would gain most, by the mean logarithm of the criterion; a touch
+    tells a robot that misses it nothing. The average robot counts with them, so that touches are not chosen for the
+    luck of a draw.
     """
     offered, n, coordinates = best.offered, best.n, best.coordinates
     touches, rules = offered.candidates, Rules(len(offered.candidates), position=_places(offered), distance=1.0)
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
-        start = best(allowed, before)
+        start = best(allowed, None) if before is None else before[allowed[before]]
         gains = swaps_of(best.measure, best.rows, coordinates.precision).gains(start)
         some = np.argsort(-np.where(allowed, gains, -np.inf), kind="stable")[: min(POOL, int(allowed.sum()))]
         pool = np.union1d(start, some)
-        met = touches.hits.outcomes(touches.face[pool], touches.q[pool])[:ROBOTS] == Outcome.MEETS
-        rows = coordinates.rows(touches.take(pool).rows(offered.cell))
+        met = touches.hits.outcomes(touches.face[pool], touches.q[pool], touches.hits.robots(ROBOTS)) == Outcome.MEETS
+        rows = coordinates.rows(touches.take(pool).expected_rows(offered.cell, SURELY - 1))
         members = np.searchsorted(pool, start)
         few = met[:, members].sum(axis=1).min() <= len(coordinates)  # single precision would lose what they tell
-        swaps = (
-            swaps_of(best.measure, rows * hit[:, None], coordinates.precision, None, np.float64 if few else np.float32)
-            for hit in met
-        )
-        return pool[Pool(RobustSwaps(list(swaps)), rules.take(pool), n).descend(members).members]
+        precision = np.float64 if few else np.float32
+        swaps = [swaps_of(best.measure, rows * hit[:, None], coordinates.precision, None, precision) for hit in met]
+        average = swaps_of(best.measure, best.rows[pool], coordinates.precision, None, precision)
+        search = Pool(RobustSwaps([*swaps, average], [*np.ones(ROBOTS), AVERAGE * ROBOTS]), rules.take(pool), n)
+        whole = search.completed(members)
+        return best(allowed, before) if whole is None else pool[search.descend(whole).members]
 
     return pick
 

@@ -31,7 +31,7 @@ NEAR = 0.5  # [rad], starts of one face that are nearer than this in every joint
 ROUNDS = 4  # where no time is given
 MET = 0.01  # of the bound: candidates this near to it gain nothing that counts
 GAP = 3e-3  # of a relaxation: its bound holds at any gap
-NEARLY = 0.98  # of the largest gain: polished touches that gain less change nothing
+NEARLY = 0.85  # of the largest gain: polished touches that gain less hardly steady the next prices
 CLOSE = 0.8  # of the largest gain: other candidates hardly carry weight in the next round
 
 
@@ -79,8 +79,8 @@ def generate_columns(
 ) -> Manifold:
     """Column generation: polished touches join the candidates until the bound over the manifold is met.
 
-    It ends after so many rounds at the latest. With `seconds` it goes on until these are over, or the bound is met
-    and something like each of the best candidates was polished; what it finds then depends on the machine. The
+    It ends after so many rounds at the latest. With `seconds` it goes on after them until these are over, or the bound
+    is met and something like each of the best candidates was polished; what it finds then depends on the machine. The
     relaxation is that of the candidates, for the number of touches to choose; `joined` says which touches clear ways
     join to the others, all if not given.
     """
@@ -96,9 +96,9 @@ def generate_columns(
         supports.append(S)
         gains = [sensitivities(rows, T) for T in supports]
         levels = [float(np.sum(T * P) + n * gain.max()) for T, gain in zip(supports, gains, strict=True)]
-        share = len(supports) / rounds if seconds is None else (time.perf_counter() - begin) / seconds
+        share = min(len(supports) / rounds, 1.0 if seconds is None else (time.perf_counter() - begin) / seconds)
         if progress:
-            progress(min(share, 1.0))
+            progress(share)
         close = gains[-1] > CLOSE * gains[-1].max()
         next_design = approximate_design(rows[close], criterion, GAP, touches=n, prior=P)
         met = min(levels) < (1 + MET) * next_design.level
@@ -139,7 +139,8 @@ def _alike(touches: Candidates, index: Int[np.ndarray, " some"]) -> Bool[np.ndar
     """The touches that would be polished to the same maximum as some of them."""
     near = np.zeros(len(touches), bool)
     for i in index:
-        near |= (touches.face == touches.face[i]) & (np.abs(touches.q - touches.q[i]).max(axis=1) < NEAR)
+        some = np.flatnonzero(touches.face == touches.face[i])
+        near[some[np.abs(touches.q[some] - touches.q[i]).max(axis=1) < NEAR]] = True
     return near
 
 

@@ -141,8 +141,8 @@ class Clearance:
     ) -> Int[np.ndarray, " postures"]:
         """What a posture comes nearer to than `margin` [mm]: index of an obstacle, their number for the arm, or CLEAR.
 
-        `own` are obstacles that the torch may approach to NEAR, because it touches them. Arm and torch know where they
-        are to each other: there `inside` is enough, whatever is asked of the way to the jig.
+        Obstacles come first. `own` are obstacles that the torch may approach to NEAR, because it touches them. Arm and
+        torch know where they are to each other: there `inside` is enough, whatever is asked of the way to the jig.
         """
         hit, margin = np.full(len(q), CLEAR), np.broadcast_to(margin, len(q))
         least = np.minimum(margin, inside)
@@ -196,10 +196,11 @@ class Clearance:
     ) -> None:
         """Note the postures in which arm and torch come too near to each other in `out`."""
         first, second = np.array(self.pairs, dtype=int).reshape(-1, 2).T
-        reach = (self.radius[first] + self.radius[second])[:, None]
-        p, m = near_segments(*ends, first, second, np.maximum(margin, 0.0) + reach)
+        reach, clear = (self.radius[first] + self.radius[second])[:, None], np.flatnonzero(out == CLEAR)
+        near = np.maximum(margin[clear], 0.0) + reach
+        p, m = near_segments(ends[0][:, :, clear], ends[1][:, :, clear], first, second, near)
         for k in np.unique(p).tolist():
-            pair, rows = (int(first[k]), int(second[k]), None), m[p == k]
+            pair, rows = (int(first[k]), int(second[k]), None), clear[m[p == k]]
             if self.shaped(pair):
                 assert self._shapes is not None
                 rows = rows[out[rows] == CLEAR]

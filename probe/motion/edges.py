@@ -16,6 +16,7 @@ COARSE = 0.2  # [rad] a joint may turn between two postures that are looked at, 
 FINE = 0.03  # [rad], of ways that are taken
 SHARE = 0.8  # of the distance that the nearer end of a way has, which the way keeps where it cannot keep more
 SPACING = 3.0  # [mm] that a point of arm or torch moves between two looks, at the least
+AT_ONCE = 4  # ways a posture that are looked at together, where only groups are asked for
 INTERVALS = 8  # of a way, for how far such points move on it
 
 
@@ -53,21 +54,45 @@ class Edges:
         return ok
 
     def among(self, q: Float[np.ndarray, "poses joints"]) -> Bool[np.ndarray, "poses poses"]:
-        """Ways between every two poses that seem clear at a coarse look; each way is looked at once."""
-        name = [row.tobytes() for row in q]
+        """Ways between every two poses that seem clear at a coarse look."""
         a, b = np.triu_indices(len(q), 1)
-        pairs = [(name[i], name[j]) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
-        new = np.array([k for k, pair in enumerate(pairs) if pair not in self._seen], dtype=int)
-        for k, fine in zip(new.tolist(), self.clear(q[a[new]], q[b[new]], COARSE).tolist(), strict=True):
-            self._seen[pairs[k]] = self._seen[pairs[k][::-1]] = fine
         out = np.eye(len(q), dtype=bool)
-        out[a, b] = out[b, a] = [self._seen[pair] for pair in pairs]
+        out[a, b] = out[b, a] = self.between(q, a, b, COARSE)
         return out
 
+    def groups(self, q: Float[np.ndarray, "poses joints"]) -> Int[np.ndarray, " poses"]:
+        """The group of each posture: those that ways connect which seem clear at a coarse look.
+
+        Short ways come first, and a way between two postures of one group is not looked at.
+        """
+        a, b = np.triu_indices(len(q), 1)
+        D = np.abs((q[a] - q[b]) / self.clearance.cell.robot.speed).max(axis=1, initial=0.0)
+        rest, clear = np.argsort(D, kind="stable"), np.zeros((len(q), len(q)), dtype=bool)
+        group = components(clear)
+        while len(rest := rest[group[a[rest]] != group[b[rest]]]):
+            some, rest = rest[: AT_ONCE * len(q)], rest[AT_ONCE * len(q) :]
+            clear[a[some], b[some]] = self.between(q, a[some], b[some], COARSE)
+            group = components(clear)
+        return group
+
+    def between(
+        self,
+        q: Float[np.ndarray, "poses joints"],
+        a: Int[np.ndarray, " ways"],
+        b: Int[np.ndarray, " ways"],
+        step: float = FINE,
+    ) -> Bool[np.ndarray, " ways"]:
+        """Which ways between two of some postures are clear; each is looked at once."""
+        name, seen = [row.tobytes() for row in q], self._seen[step]
+        pairs = [frozenset((name[i], name[j])) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
+        new = np.array([k for k, pair in enumerate(pairs) if pair not in seen], dtype=int)
+        seen.update(zip((pairs[k] for k in new), self.clear(q[a[new]], q[b[new]], step).tolist(), strict=True))
+        return np.array([seen[pair] for pair in pairs], dtype=bool)
+
     @cached_property
-    def _seen(self) -> dict[tuple[bytes, bytes], bool]:
-        """Ways that were looked at coarsely, by both their ends."""
-        return {}
+    def _seen(self) -> dict[float, dict[frozenset[bytes], bool]]:
+        """Ways that were looked at, by how closely and by both their ends."""
+        return {COARSE: {}, FINE: {}}
 
     def _margins(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
@@ -173,11 +198,13 @@ def like(
     good: Float[np.ndarray, "good joints"],
 ) -> Bool[np.ndarray, " some"]:
     """Poses that are nearer to a bad one than to any good one, by the time that joints take."""
+    speed = cell.robot.speed[:, None]
+    columns = some.T / speed
 
     def nearest(to: np.ndarray) -> np.ndarray:
         out = np.full(len(some), np.inf)
-        for q in to:
-            np.minimum(out, np.abs((some - q) / cell.robot.speed).max(axis=1), out=out)
+        for q in to[:, :, None] / speed:
+            np.minimum(out, np.abs(columns - q).max(axis=0), out=out)
         return out
 
     return nearest(bad) < nearest(good)

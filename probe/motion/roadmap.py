@@ -16,7 +16,7 @@ from identify.model.cell import Cell
 from identify.model.ik import reach
 from identify.model.touch import Plan
 from probe.motion.clearance import CLEAR, MARGIN, Clearance
-from probe.motion.edges import COARSE, Edges, components
+from probe.motion.edges import COARSE, Edges
 from probe.motion.obstacles import obstacles
 from probe.motion.tour import RAMP, Order, minutes, order, travel
 
@@ -115,7 +115,7 @@ class Roadmap:
             legs = [leg for way in passed for leg in pairwise(way)]
             a, b = np.array(legs, dtype=int).reshape(-1, 2).T
             new = np.flatnonzero(~sure[a, b])
-            fine = self.edges.clear(q[a[new]], q[b[new]])
+            fine = self.edges.between(q, a[new], b[new])
             sure[a[new], b[new]] = sure[b[new], a[new]] = True
             clear[a[new], b[new]] = clear[b[new], a[new]] = fine
             if fine.all():
@@ -126,7 +126,7 @@ class Roadmap:
     def groups(self, approach: Float[np.ndarray, "touches joints"]) -> Int[np.ndarray, " touches"]:
         """The group of each touch, of those that ways connect which seem clear at a coarse look; 0 is that of home."""
         home = approach[:0] if self.home is None else self.home
-        group = 1 + components(self.edges.among(np.concatenate([approach, self.stops, home])))
+        group = 1 + self.edges.groups(np.concatenate([approach, self.stops, home]))
         return np.asarray(np.where(len(home) and group == group[-1], 0, group)[: len(approach)])
 
 

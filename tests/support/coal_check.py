@@ -7,6 +7,7 @@ import numpy as np
 
 from identify.model.cell import Cell
 from identify.model.frames import transform
+from identify.model.jig import Face
 
 BARE, NOZZLE, BODY, NECK, FLANGE = 18.0, 10.0, 20.0, 110.0, 30.0  # [mm], the torch as the manual draws it
 ROUND = 0.36  # of the nozzle's radius, how far its round end stands back
@@ -70,10 +71,31 @@ class CoalCheck:
             out.append(T)
         return out
 
-    def hit(self, q: np.ndarray) -> str:
-        """The solid that the first of some postures hits which hits any; empty where none does."""
+    def touch(self, face: Face, q: np.ndarray, approach: np.ndarray) -> list[str]:
+        """What is wrong with a touch: at its contact, and on its search."""
+        cell, robot, looks = self.cell, self.cell.robot, np.linspace(0, 1, 6)
+        tip = self.frames(q[None])[-1][0] @ robot.last_T_flange @ transform(self.theta[-6:])
+        p, w = tip[:3, 3], tip[:3, 2]
+        lean = np.arccos(np.clip(-w @ face.normal, -1, 1))
+        gap = face.normal @ (p - face.origin) - cell.wire.ball - cell.wire.flat * np.sin(lean)
+        place = [(p - face.origin) @ side / (side @ side) for side in (face.u, face.v)]
+        wrong = {
+            f"{gap:.4f} mm off its face": abs(gap) > 1e-3,
+            "beside its face": min(place) < 0 or max(place) > 1,
+            "leans too far": lean > cell.touch.max_tilt + 1e-6,
+            "beyond the limits": (
+                np.abs(np.clip([q, approach], robot.lower, robot.upper) - [q, approach]) > 1e-9
+            ).any(),
+        }
+        search = approach + looks[:, None] * (q - approach)
+        ways = {share: self.hit(search[[k]], wire=share < 1) for k, share in enumerate(looks.tolist())}
+        met = [f"{hit} at {share}" for share, hit in ways.items() if hit]
+        return [why for why, bad in wrong.items() if bad] + met
+
+    def hit(self, q: np.ndarray, *, wire: bool = True) -> str:
+        """The solid that the first of some postures hits which hits any, with its wire or without; or ''."""
         frames = self.frames(q)
-        places = [frames[link] @ local for link, _, local in self.moving]
+        places = [frames[link] @ local for link, _, local in (self.moving if wire else self.moving[:-1])]
         near = [(n, i, k) for i, k in np.ndindex(len(places), len(self.standing)) for n in self._near(i, k, places[i])]
         for n, i, k in sorted(near):
             name, solid, where = self.standing[k]

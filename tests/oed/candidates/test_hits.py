@@ -8,7 +8,7 @@ from cells import cell_of
 
 from identify.model.cell import DEG, Priors
 from oed.candidates.candidates import candidates
-from oed.candidates.hits import Hits, Outcome
+from oed.candidates.hits import Outcome
 from oed.planning.candidate_set import plan_of
 from probe.virtual.batch import touch_batch
 from probe.virtual.truth import Truth
@@ -32,7 +32,7 @@ def drawn(cell, robots=24):
 def test_searches_meet_what_they_meet_on_the_virtual_jig(cell, some):
     off = drawn(cell)
 
-    outcomes = Hits(cell, cell.theta, off).outcomes(some.face, some.q)
+    outcomes = some.hits.outcomes(some.face, some.q, off)
 
     plan, rng = plan_of(some), np.random.default_rng(1)
     met = [touch_batch(cell, Truth(cell.theta + one), plan, rng, sigma=0.0) for one in off]
@@ -42,8 +42,16 @@ def test_searches_meet_what_they_meet_on_the_virtual_jig(cell, some):
     assert (outcomes == Outcome.MEETS).mean() == pytest.approx(hit.mean(), abs=0.01)
 
 
+def test_the_share_of_robots_that_meet_a_touch_is_that_of_thousands_of_draws(cell, some):
+    met = some.hits.outcomes(some.face, some.q, drawn(cell, 4000)) == Outcome.MEETS
+
+    assert np.abs(some.hit - met.mean(axis=0)).max() < 0.06
+    assert np.abs(some.hit - met.mean(axis=0)).mean() < 0.015
+    assert some.hit.mean() == pytest.approx(met.mean(), abs=0.005)
+
+
 def test_a_robot_as_drawn_meets_every_touch(cell, some):
-    assert (Hits(cell, cell.theta, np.zeros((1, len(cell.theta)))).outcomes(some.face, some.q) == Outcome.MEETS).all()
+    assert (some.hits.outcomes(some.face, some.q, np.zeros((1, len(cell.theta)))) == Outcome.MEETS).all()
 
 
 @pytest.mark.parametrize(
@@ -54,7 +62,7 @@ def test_a_base_that_stands_elsewhere_makes_touches_from_above_miss(cell, some, 
     off = np.zeros((1, len(cell.theta)))
     off[0, :3] = shift
 
-    outcomes = Hits(cell, cell.theta, off).outcomes(top.face, top.q)
+    outcomes = some.hits.outcomes(top.face, top.q, off)
 
     assert len(top)
     assert (outcomes == outcome).all()
@@ -65,7 +73,7 @@ def test_a_search_beside_a_high_step_meets_it_first(cell, some):
     off = np.zeros((1, len(cell.theta)))
     off[0, 1:3] = -20.0, 110.0  # over the edge of the low step, before the high one
 
-    outcomes = Hits(cell, cell.theta, off).outcomes(low.face, low.q)
+    outcomes = some.hits.outcomes(low.face, low.q, off)
 
     assert set(outcomes.ravel().tolist()) <= {Outcome.SLIDES, Outcome.SHORT, Outcome.OTHER}
 

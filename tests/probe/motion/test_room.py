@@ -1,6 +1,7 @@
 """Ways of the driver, judged by another code path: random skips, resumes at random touches, plans in random order."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,13 @@ from identify.model.io.description import library, read_cell, read_jig
 from identify.model.shape import Shape
 from identify.model.urdf.chain import read_urdf
 from oed.candidates.candidates import candidates
+from oed.planning.plan import plan
 from probe.motion.room import Room
 
 pytest.importorskip("coal")
 from coal_check import CoalCheck
 
+MOST = 3  # touches of a face
 WAYS = 25  # of each cell and of each of three beliefs: 300 in all
 PRIORS = Priors((3.0, 0.5 * DEG), (3.0, 1 * DEG), (1.0, 0.3 * DEG))
 ARMS = {  # URDF, flange, jig, base x, y, z, and tool x, z, ry
@@ -71,6 +74,35 @@ def test_no_way_of_the_driver_hits_jig_table_or_obstacles_by_a_judge_of_its_own(
             ways += bool(route)
 
     assert hits == []
+
+
+def test_a_plan_has_no_violation_by_a_judge_of_its_own(cell: Cell, rng) -> None:
+    check, faces = CoalCheck(cell), cell.the_jig.faces
+    touches = candidates(cell, rng, 500)
+    some = np.concatenate([np.flatnonzero(touches.face == i)[:MOST] for i in range(len(faces))])  # a ramp's with them
+    made = plan(cell, 8, strategy="even", count=500).plan
+
+    wrong = [why for i in some for why in check.touch(faces[touches.face[i]], touches.q[i], touches.approach[i])]
+    for i, name in enumerate(made.face):
+        wrong += check.touch(cell.the_jig.by_name[name], made.q[i], made.approach[i])
+        way = np.vstack([made.approach[i - 1 : i], made.way(i)]) if i else made.approach[:1]
+        wrong += [hit for a, b in pairwise(way) if (hit := check.way(a, b, 0.03))]
+
+    assert len(some) >= 3 * MOST
+    assert wrong == []
+
+
+def test_the_judge_of_its_own_sees_what_is_wrong_with_a_touch(rng) -> None:
+    cell = read_cell(library("cells")["arc-welder"])
+    touches, check = candidates(cell, rng, 5), CoalCheck(cell)
+    face, q, approach = touches.faces[touches.face[0]], touches.q[0], touches.approach[0]
+    deeper, straighter = approach + 1.2 * (q - approach), replace(cell, touch=replace(cell.touch, max_tilt=0.0))
+
+    assert check.touch(face, q, approach) == []
+    assert any("off its face" in why for why in check.touch(face, deeper, approach))
+    assert any(" at " in why for why in check.touch(face, approach, deeper))
+    assert "leans too far" in CoalCheck(straighter).touch(face, q, approach)
+    assert "beyond the limits" in check.touch(face, q, approach + 7)
 
 
 def test_the_judge_of_its_own_sees_what_straight_ways_would_hit(rng) -> None:
