@@ -12,6 +12,7 @@ Its rooms, in the order in which data walks through:
     models          Why a fifth parameter, beta, where two joint axes are nearly parallel, and why not a sixth?
     observability   Does an observability index tell how accurate a calibration will be?
     touches         How many touches does a tip error in the zone ask for, and does the plan foretell it?
+    simulator       robots and touches simulated by code that shares no line with what is judged
     jigs            what the study of the jig is made of
     jig             Which jig: what is each face worth, where should it stand, and what does a second placement buy?
     racers          one module a library of the race

@@ -31,7 +31,8 @@ from oed.planning.kinds_problem import KindsProblem, kinds_problem
 from probe.virtual.readings import draw_named, readings
 from studies.common import arc_welder
 from studies.engine import Table, column, distinct, where
-from studies.promise import scaled, touched
+from studies.promise import scaled
+from studies.simulator.touching import touched
 
 SETS = ("touch", "distance", "touch,distance", "position", "touch,position")
 BUDGETS = (4.0, 8.0, 16.0)  # minutes

@@ -40,7 +40,8 @@ from oed.planning.plan import plan
 from probe.virtual.readings import draw_named, readings
 from studies.common import REFUSED, arc_welder, judged, kept, picture_of_promises
 from studies.engine import Table, column, distinct, where
-from studies.promise import scaled, touched
+from studies.promise import scaled
+from studies.simulator.touching import touched
 
 ROBOTS, BATCH = 100, 10
 NEAR = 0.25  # of the priors of the library cell: base and tool measured to 2.5 mm and half a degree

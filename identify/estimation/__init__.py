@@ -10,6 +10,7 @@ In the order in which data walks through:
     least_squares     weighted, robust nonlinear least squares with priors
     robust            measurements that agree, and the noise
     starts            starts that survive gross errors and wrong face names
+    changes           a wire cut between touches, a slow drift: estimated where residuals show them
     edges             touches so near an edge that they may have met the next face
     faces             faces off their places, and a jig worse than its tolerance
     folds             regions of space to hold out
@@ -17,7 +18,7 @@ In the order in which data walks through:
     discrepancy       how large joint errors and noise are on this arm, by regions left out, averaged
     all_joint_errors  the estimate with all joint errors at once
     face_association  the most probable robot while the touches alone do not determine it
-    diagnosis         causes that residuals show: joints read too early, drift, a wire cut between touches
+    diagnosis         causes that residuals show: joints read too early, one bad joint, touches left out
     calibrate         from touches to a Calibration
     verdict           whether a calibration may be used, and what to do if not
     verification      errors where the fit has not looked

@@ -14,7 +14,7 @@ from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.measurement import Rows
 
 LEAST = 0.5  # share of the rows that has to agree
-ROUNDS = 3  # of outliers found and left out
+ROUNDS = 3  # of measurements that join, or are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,27 +58,26 @@ class JointErrors:
 def with_joint_errors(problem: Problem, found: Estimate, rng: np.random.Generator) -> JointErrors:
     """The estimate of a problem with the unknowns of all error models that its measurements can show.
 
-    The sizes of the errors are chosen and averaged by `discrepancy.average`. Only then measurements that no model
-    explains are left out.
+    The sizes of the errors are chosen and averaged by `discrepancy.average`. Measurements that the geometry alone does
+    not explain join those in use as far as they agree with them.
     """
     extended = extend(problem, found.x, shown(problem.cell, problem.rows))
-    unit = extended.unit()
     counted = problem.rows.counted
+    unit = extended.unit(found.used)  # fitted to all rows, so many joint errors bend to gross ones
     used = (unit > 0) & counted if problem.loss != "linear" else counted
     _require_agreement(used[counted])
     selection = extended.selection(np.where(used, np.maximum(unit, 1e-9), 0.0), rng)
     tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(found.x))[0]
     for _ in range(ROUNDS):
         models = _models(extended, used, tip, rng)
-        posterior = models.posterior(_linear(extended).take(used))
-        extended = relinearized(extended, _moved(extended, posterior))
-        posterior = models.posterior(_linear(extended).take(used))
-        agreeing = counted & _agreeing(extended, posterior, used) if problem.loss != "linear" else used
+        near = relinearized(extended, _moved(extended, models.posterior(_linear(extended).take(used))))
+        posterior = models.posterior(_linear(near).take(used))
+        agreeing = counted & _agreeing(near, posterior, used) if problem.loss != "linear" else used
         if np.array_equal(agreeing, used):
             break
         used = agreeing
         _require_agreement(used[counted])
-    extended = relinearized(extended, _moved(extended, posterior))
+    extended = relinearized(near, _moved(near, posterior))
     return JointErrors(extended, models, models.posterior(_linear(extended).take(used)), used, selection)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.estimation.all_joint_errors import JointErrors, with_joint_errors
+from identify.estimation.changes import Change, with_changes
 from identify.estimation.diagnosis import diagnose
 from identify.estimation.edges import without_doubtful
 from identify.estimation.faces import face_findings, with_jig_as_it_is
@@ -73,7 +74,10 @@ def calibrate(
         start = start if not selection.errors else None  # of another robot
     found = estimate(problem, start)
     if parameters == "all":
-        problem, found = with_jig_as_it_is(*survivor(problem, found, tables))
+        problem, found = survivor(problem, found, tables)
+    problem, found, changes = with_changes(problem, found, tables)
+    if parameters == "all":
+        problem, found = with_jig_as_it_is(problem, found)
         problem, found = without_doubtful(problem, found, on_faces(tables))
     if not problem.is_stationary(found.x, found.weight):
         x = problem.theta(found.x)
@@ -89,7 +93,7 @@ def calibrate(
         fit = _Fit(full, last, joint_errors.selection.terms, joint_errors)
     held_out = fit.held_out(folds, rng)
     wrong = labels(problem, found, whole) if parameters == "all" else ()
-    return _calibration(problem, fit, held_out, tables, whole, wrong, inputs or {})
+    return _calibration(problem, fit, held_out, tables, whole, wrong, changes, inputs or {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +151,7 @@ def _calibration(
     tables: tuple[Measurements, ...],
     recorded: Rows,
     wrong: tuple[Label, ...],
+    changes: tuple[Change, ...],
     inputs: Mapping[str, str],
 ) -> Calibration:
     problem, found = fit.problem, fit.estimate
@@ -158,6 +163,7 @@ def _calibration(
     combinations = {} if problem.structure is None else problem.structure.combinations
     deviation, significant = scatter(problem, found)
     seen = coordinates(problem.cell, problem.theta(found.x), problem.rows.q[found.used])
+    values, deviations = unknowns.origin + x * unknowns.scale, np.sqrt(np.diag(covariance))
     calibration = Calibration(
         cell=problem.cell,
         theta=problem.theta(found.x),
@@ -168,7 +174,7 @@ def _calibration(
             for name, terms in combinations.items()
         },
         covariance=covariance[:count, :count],
-        shared=_shared(unknowns, x),
+        shared=_shared(unknowns, values),
         shared_covariance=covariance[count:],
         discrepancy=fit.discrepancy(),
         scatter=deviation,
@@ -185,6 +191,7 @@ def _calibration(
         findings=(
             *_wrong_faces(wrong),
             *_doubtful(problem.rows),
+            *(change.finding(unknowns, values, deviations) for change in changes),
             *diagnose(problem, found, tables),
             *_frames(geometry),
         ),
@@ -222,11 +229,13 @@ def _frames(problem: Problem) -> tuple[Finding, ...]:
     return (Finding("frame", words),) if words else ()
 
 
-def _shared(unknowns: Unknowns, x: Float[np.ndarray, " unknowns"]) -> tuple[SharedValue, ...]:
-    """What measurements share: offsets of faces, wires, frames and points."""
-    values = zip(unknowns.names, unknowns.units, unknowns.origin + x * unknowns.scale, unknowns.scale, strict=True)
-    shared = list(values)[len(unknowns.parameters) :]
-    return tuple(SharedValue(name, "deg" if unit == "deg" else "mm", float(v), float(s)) for name, unit, v, s in shared)
+def _shared(unknowns: Unknowns, values: Float[np.ndarray, " unknowns"]) -> tuple[SharedValue, ...]:
+    """What measurements share: offsets of faces, wires, drift, frames and points."""
+    shared = list(zip(unknowns.names, unknowns.units, values, unknowns.scale, strict=True))
+    return tuple(
+        SharedValue(name, "deg" if unit == "deg" else "mm", float(v), float(s))
+        for name, unit, v, s in shared[len(unknowns.parameters) :]
+    )
 
 
 def _start(geometry: Problem, problem: Problem) -> Float[np.ndarray, " parameters"]:

@@ -21,8 +21,7 @@ LOOSE, GEOMETRY, ERROR = 0, 1, 2  # kinds of unknowns: without a prior, of the d
 CUT = 0.35  # share of the rows that a fold predicts
 CAP = 25.0  # squared errors beyond it count no more, in variances
 CERTAIN = 10.0  # degrees of freedom that the stated sigma is worth
-EVIDENCE = 0.33, 0.8  # independent predictions that n rows are worth: factor and exponent of n
-FEW = 30  # rows up to which the stated sigma counts in full
+CORRELATION = 0.04  # of errors beyond the data with each other: many rows are worth 25 independent predictions
 HIDDEN, USUAL = (0.015, 2.0), (0.5, 3.0)  # factors on joint errors too small to show, or not: median, deviation
 HIDING = 0.95  # share of the first: joint errors are believed where data speak for them at odds of 19 to 1
 BOOTSTRAPS = 100
@@ -106,11 +105,10 @@ def average(linear: Linear, folds: Sequence[Bool[np.ndarray, " rows"]]) -> Model
     """Weights of the models by how well they predict the rows of each fold from the others."""
     score = np.stack([_fold_scores(*parts) for parts in _without(linear, folds)])
     rows = len(linear.y)
-    evidence = EVIDENCE[0] * rows ** EVIDENCE[1]
+    evidence = rows / (1 + (rows - 1) * CORRELATION)  # independent predictions that the rows are worth (Kish 1965)
     structure, noise = _log_priors(1 + rows / max(int((linear.kind != ERROR).sum()), 1))
     share = np.random.default_rng(0).dirichlet(np.ones(len(score)), BOOTSTRAPS)
-    # every row says something of the noise, but few predictions are independent of each other
-    stated = max(evidence / rows, min(1.0, FEW / rows))
+    stated = min(1.0, 1 / CORRELATION / rows)  # of the noise every row says something: sigma weighs as much less
     total = evidence * (share @ score.reshape(len(score), -1)) + (structure + noise * stated).ravel()
     weight = np.exp(total - total.max(axis=1, keepdims=True))
     weight = (weight / weight.sum(axis=1, keepdims=True)).mean(axis=0)

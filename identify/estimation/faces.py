@@ -12,7 +12,7 @@ from identify.estimation.robust import Estimate, estimate
 from identify.model.calibration import FACE, Calibration, Finding
 from identify.uncertainty.promise import INTERVAL
 
-CHANCE = 0.01  # of a jig as good as stated to be called worse
+CHANCE = 0.02  # of a jig as good as stated to be called worse
 CERTAIN = 1.0  # degrees of freedom that the stated tolerances are worth
 STEPS = 10  # of expectation and maximization
 NAMED = 4.0  # standard deviations that the tolerance does not explain
@@ -92,7 +92,8 @@ def face_findings(c: Calibration) -> Iterator[Finding]:
             "their tolerance; measure the jig, or write a wider tolerance_mm",
         )
     scatter = np.sqrt(np.maximum((ratio * stated) ** 2 - deviation**2, 1e-12)) / np.maximum(ratio, 1.0)
-    for k in np.flatnonzero((np.abs(value) > NAMED * np.maximum(scatter, 0.2 * stated)) & (np.abs(value) > stated)):
+    beyond = np.maximum(stated, INTERVAL * deviation)
+    for k in np.flatnonzero((np.abs(value) > NAMED * np.maximum(scatter, 0.2 * stated)) & (np.abs(value) > beyond)):
         yield Finding(
             "face",
             f"'{names[k]}' stands {value[k]:+.3f} +- {INTERVAL * deviation[k]:.3f} mm (95 %) off its place, stated "

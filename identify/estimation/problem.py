@@ -61,13 +61,10 @@ class Problem:
     deviation: Float[np.ndarray, " size"] | None = None  # of the priors of the coordinates, if not the stated ones
 
     @classmethod
-    def pose(
-        cls, cell: Cell, rows: Rows, loss: str, priors: bool, eliminate: bool = True, shared: Sequence[Shared] = ()
-    ) -> "Problem":
+    def pose(cls, cell: Cell, rows: Rows, loss: str, priors: bool, eliminate: bool = True) -> "Problem":
         """The problem of a cell and its rows; raises InputError if these cannot determine the unknowns.
 
-        `eliminate` drops single parameters by the structure of the drawing. Without it all unknowns are estimated,
-        those that the measurements share besides the faces among them.
+        `eliminate` drops single parameters by the structure of the drawing. Without it all unknowns are estimated.
         """
         if loss not in LOSSES:
             raise InputError(f"loss '{loss}' is not known; choose one of {', '.join(LOSSES)}")
@@ -77,7 +74,7 @@ class Problem:
         else:
             if not priors:
                 everything(cell, priors)
-            problem = cls._of_all(cell, rows, start, loss, shared)
+            problem = cls._of_all(cell, rows, start, loss)
         needed = len(problem.required)
         if len(rows) < max(needed, 1):
             raise InputError(
@@ -99,11 +96,9 @@ class Problem:
         return cls(cell, rows, unknowns, origin, np.eye(len(unknowns)), found, priors, loss)
 
     @classmethod
-    def _of_all(
-        cls, cell: Cell, rows: Rows, start: Float[np.ndarray, " parameters"], loss: str, shared: Sequence[Shared]
-    ) -> "Problem":
+    def _of_all(cls, cell: Cell, rows: Rows, start: Float[np.ndarray, " parameters"], loss: str) -> "Problem":
         """All unknowns, in the directions that measurements can show."""
-        unknowns = Unknowns.of(cell, further=shared)
+        unknowns = Unknowns.of(cell)
         some = unknowns.parameters
         origin = np.zeros(len(unknowns))
         origin[: len(some)] = (start - cell.theta)[some] / unknowns.scale[: len(some)]
@@ -270,6 +265,22 @@ class Problem:
             gradient += J.T @ (weight[part] ** 2 * r)
         left = gradient - self.basis @ (self.basis.T @ gradient)
         return bool(np.abs(left * self.unknowns.precision).max() < BLIND)
+
+    def with_shared(self, shared: Sequence[Shared]) -> "Problem":
+        """The same problem with further unknowns that measurements share."""
+        unknowns, more = self.unknowns, len(shared)
+        place = len(unknowns.parameters) + len(unknowns.shared)
+        basis = np.zeros((len(unknowns) + more, self.size + more))
+        basis[place : place + more, self.size :] = np.eye(more)
+        basis[:place, : self.size] = self.basis[:place]
+        basis[place + more :, : self.size] = self.basis[place:]
+        return replace(
+            self,
+            unknowns=replace(unknowns, shared=(*unknowns.shared, *shared)),
+            origin=np.insert(self.origin, place, np.zeros(more)),
+            basis=basis,
+            deviation=None if self.deviation is None else np.append(self.deviation, np.ones(more)),
+        )
 
     def complete(self) -> "Problem":
         """The same problem without a direction left out."""

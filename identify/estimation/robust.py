@@ -182,10 +182,13 @@ class _Fit:
         return worst
 
     def noise(self, x: Float[np.ndarray, " size"], used: Bool[np.ndarray, " rows"]) -> float:
-        """Noise in units of sigma: sigma is worth ten degrees of freedom, the residuals those that they have."""
+        """Noise in units of sigma, root of the mean of its posterior (scaled inverse chi-square).
+
+        Sigma is worth ten degrees of freedom, the residuals those that they have.
+        """
         freedom = max(self.freedom(x, used / self.rows.sigma), 1.0)
         square = self.deviation(x, used) ** 2
-        return float(np.sqrt((CERTAIN + freedom * square) / (CERTAIN + freedom)))
+        return float(np.sqrt((CERTAIN + freedom * square) / (CERTAIN + freedom - 2)))
 
     def deviation(self, x: Float[np.ndarray, " size"], used: Bool[np.ndarray, " rows"]) -> float:
         """Root of chi-square a degree of freedom, in units of sigma."""

@@ -194,9 +194,13 @@ class Extended:
         """Precision of the priors; that of unknowns without one is so small that it holds only what nothing shows."""
         return np.where(self.precision > 0, self.precision, FREE**-2)
 
-    def unit(self) -> Float[np.ndarray, " rows"]:
-        """One over the scatter of each row as the richest model leaves it, in units of sigma; 0 for outliers."""
-        return _unit(self.A, self.y, self.held, np.ones(len(self.y)), self.rows)
+    def unit(self, used: Bool[np.ndarray, " rows"] | None = None) -> Float[np.ndarray, " rows"]:
+        """One over the scatter of each row as the richest model leaves it, in units of sigma; 0 for outliers.
+
+        With `used` the model is fitted to these rows, and the others are judged by it.
+        """
+        used = np.ones(len(self.y), dtype=bool) if used is None else used
+        return _unit(self.A, self.y, self.held, used.astype(float), self.rows)
 
     def selection(self, unit: Float[np.ndarray, " rows"], rng: np.random.Generator, folds: int = FOLDS) -> Selection:
         """The error models that help in regions held out, and what each buys."""
@@ -272,20 +276,24 @@ def _robot(robot: Robot, errors: tuple[str, ...]) -> Robot:
 def _unit(
     A: np.ndarray, y: np.ndarray, precision: np.ndarray, weight: np.ndarray, rows: Rows
 ) -> Float[np.ndarray, " rows"]:
-    """One over the scatter of each row as the richest model leaves it [1/mm]; 0 where no model explains a touch."""
+    """One over the scatter of each row as the richest model leaves it [1/sigma]; 0 where no model explains a touch.
+
+    Rows of weight 0 are judged by the fit to the others.
+    """
     scale, slope = 1.0, np.ones(len(y))
     for _ in range(ROUNDS):
         w = weight * np.sqrt(slope) / scale
         H = (A * w[:, None]).T @ (A * w[:, None]) + np.diag(precision)
         r = y - A @ np.linalg.solve(H, (A * w[:, None]).T @ (y * w))
         determined = len(H) - float(np.diag(np.linalg.inv(H)) @ precision)
-        freedom = max(len(y) - determined, 1.0)
+        freedom = max(np.count_nonzero(weight) - determined, 1.0)
         before = scale
-        scale = max(1.0, 1.4826 * float(np.median(np.abs(r * weight))) * np.sqrt(len(y) / freedom))
-        slope = LOSSES["huber"]((r * weight / scale) ** 2)[1]
+        median = float(np.median(np.abs(r[weight > 0])))
+        scale = max(1.0, 1.4826 * median * np.sqrt(np.count_nonzero(weight) / freedom))
+        slope = LOSSES["huber"]((r / scale) ** 2)[1]
         if abs(scale - before) < 1e-4 * scale:
             break
-    good = np.abs(r * weight) < 5 * scale
+    good = np.abs(r) < 5 * scale
     worst = np.ones(len(rows.ids), dtype=bool)
     np.logical_and.at(worst, rows.owner, good)
-    return np.where(worst[rows.owner], weight / scale, 0.0)
+    return np.where(worst[rows.owner], 1 / scale, 0.0)

@@ -1,15 +1,15 @@
 """Errors where the fit has not looked: the only ones that may be called an accuracy."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimation.problem import with_face_scatter
 from identify.model.calibration import Calibration, Errors, coordinates, fingerprints, summarize
 from identify.model.files import InputError
 from identify.model.measurement import Measurements, Rows, measurement_model, rows
 from identify.model.zone import zone_poses
+from identify.uncertainty.information import Information
 from identify.uncertainty.promise import ROBOTS, SHARE
 from identify.uncertainty.unknowns import Unknowns
 
@@ -45,11 +45,8 @@ def verify(calibration: Calibration, *tables: Measurements) -> Verification:
         raise InputError("there is nothing to verify with: no touch of status hit, no position")
     require_unseen(calibration, found, "errors there are no accuracy; verify with others")
     before = measurement_model(calibration.cell.robot).residual(calibration.start, found)
-    r, J = predicted(calibration, found)
-    value, vector = np.linalg.eigh(calibration.joint_covariance)
-    root = (J @ vector) * np.sqrt(np.maximum(value, 0.0))
-    stated = found if calibration.shared else with_face_scatter(calibration.cell, found)
-    promised = _promised(root, stated.sigma * calibration.noise, found)
+    r, root = predicted(calibration, found)
+    promised = _promised(root, found.sigma * calibration.noise, found)
     nominal, identified = summarize(found.distances(before)), summarize(found.distances(r))
     return Verification(nominal, identified, promised, beyond(calibration, found.q))
 
@@ -76,21 +73,26 @@ def beyond_in_zone(calibration: Calibration) -> tuple[str, ...]:
 
 def predicted(
     calibration: Calibration, found: Rows
-) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows names"]]:
-    """Residuals [mm] by the identified robot and jig, and their Jacobian by all that was estimated."""
+) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]:
+    """Residuals [mm] by the identified robot and jig, and B with B B' their covariance, but for the sensor's scatter.
+
+    Faces that were not estimated stand on the drawing within their tolerance.
+    """
     values = dict(zip(calibration.names, calibration.values, strict=True))
     every = Unknowns.of(calibration.cell)
-    unknowns = Unknowns(
-        calibration.cell,
-        np.array(calibration.index, dtype=int),
-        tuple(shared for shared in every.shared if shared.name in values),
-        tuple(named for named in every.named if named.names[0] in values),
+    unknowns = replace(
+        every,
+        parameters=np.array(calibration.index, dtype=int),
+        named=tuple(named for named in every.named if named.names[0] in values),
     )
-    x = (np.array([values[name] for name in unknowns.names]) - unknowns.origin) / unknowns.scale
-    r, J = unknowns.linearize(x, found, calibration.theta)
-    across = np.zeros((len(r), len(values)))
-    across[:, [calibration.names.index(name) for name in unknowns.names]] = J / unknowns.scale
-    return r, across
+    names = [name for name in calibration.names if name in set(unknowns.names)]
+    place = [calibration.names.index(name) for name in names]
+    known = Information.of_covariance(
+        unknowns, calibration.theta, names, calibration.joint_covariance[np.ix_(place, place)]
+    )
+    there = np.array([values.get(name, origin) for name, origin in zip(unknowns.names, unknowns.origin, strict=True)])
+    r, J = unknowns.linearize((there - unknowns.origin) / unknowns.scale, found, calibration.theta)
+    return r, known.root(J)
 
 
 def require_unseen(calibration: Calibration, found: Rows, cure: str) -> None:

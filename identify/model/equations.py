@@ -34,7 +34,6 @@ class Rows:
     owner: Int[np.ndarray, " rows"]  # index into `ids`
     conditions: Float[np.ndarray, "rows conditions"] | None = None  # for error models; None: nothing was recorded
     face: tuple[str, ...] = ()  # name of the face of each row, empty if it has none; (): no row has one
-    block: Int[np.ndarray, " rows"] | int = 0  # number of the table that a row comes from
     equation: tuple[str, ...] = ()  # of EQUATIONS; (): all are planes
     point: tuple[str, ...] = ()  # name of the point in the equation of each row, empty if it has none
     second: tuple[str, ...] = ()  # name of the other point of a spacing

@@ -14,6 +14,7 @@ from identify.model.measurement import Rows, measurement_model
 from identify.uncertainty.named_unknowns import Named, columns, named, placed
 
 STICKOUT = 2.0  # [mm], 1 sigma by which a wire that was cut sticks out more or less than before
+DRIFT = 1.0  # [mm], 1 sigma by which the tip moves against the jig while it is measured, where it does
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +60,25 @@ def face_tilts(face: Face) -> Iterator[Shared]:
         yield Shared(f"face.{face.name}.tilt_{axis}", "deg", face.tilt, 1.0, slope)
 
 
-def stickout(block: int) -> Shared:
-    """The length by which the wire sticks out more in a block of measurements than in the first block."""
+def stickout(name: str, first: int) -> Shared:
+    """The length by which the wire sticks out more from a touch on, the `first` of the measurements, than before."""
 
     def slope(at: Contacts) -> Float[np.ndarray, " rows"]:
         along = np.einsum("ij,ij->i", at.rows.normal, at.tip[1][:, :, 2])
-        return along * (at.rows.block == block)
+        return along * (at.rows.owner >= first)
 
-    return Shared(f"stickout.{block + 1}", "mm", STICKOUT, 1.0, slope)
+    return Shared(f"stickout.{name}", "mm", STICKOUT, 1.0, slope)
+
+
+def drift(time: Float[np.ndarray, " measured"]) -> tuple[Shared, ...]:
+    """The way of the tip along x, y and z of the jig while `time` grows by 1; at time 0 there is none."""
+
+    def along(axis: int) -> Shared:
+        return Shared(
+            f"drift.{'xyz'[axis]}", "mm", DRIFT, 1.0, lambda at: at.rows.normal[:, axis] * time[at.rows.owner]
+        )
+
+    return tuple(along(axis) for axis in range(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,19 +94,13 @@ class Unknowns:
     named: tuple[Named, ...] = ()  # frames and points, which residuals are not linear in
 
     @classmethod
-    def of(cls, cell: Cell, *, blocks: int = 1, further: Sequence[Shared] = ()) -> "Unknowns":
-        """The unknowns of a cell: each parameter and face that has a tolerance or is to be fitted.
-
-        `blocks` is the number of blocks of measurements between which the wire may have been cut; `further` is
-        whatever else measurements share.
-        """
+    def of(cls, cell: Cell, further: Sequence[Shared] = ()) -> "Unknowns":
+        """The unknowns of a cell: each parameter and face that has a tolerance or is to be fitted, and `further`."""
         fixed = np.array([name in cell.fixed for name in cell.robot.parameters])
         faces = () if cell.jig is None else cell.jig.faces
         offsets = (face_offset(face) for face in faces if face.tolerance > 0)
         tilts = (tilt for face in faces if face.tilt > 0 for tilt in face_tilts(face))
-        lengths = (stickout(block) for block in range(1, blocks))
-        shared = (*offsets, *tilts, *lengths, *further)
-        return cls(cell, np.flatnonzero(~fixed & (cell.prior > 0)), shared, tuple(named(cell)))
+        return cls(cell, np.flatnonzero(~fixed & (cell.prior > 0)), (*offsets, *tilts, *further), tuple(named(cell)))
 
     def __len__(self) -> int:
         return len(self.parameters) + len(self.shared) + sum(len(unknown.nominal) for unknown in self.named)

@@ -10,7 +10,7 @@ from identify.model.cell import Priors
 from identify.model.frames import rotation
 from identify.model.measurement import rows as measured_rows
 from identify.model.touch import Positions
-from identify.uncertainty.unknowns import Unknowns
+from identify.uncertainty.unknowns import Unknowns, drift, stickout
 
 TILT = 2e-3  # [rad]
 
@@ -44,7 +44,9 @@ def test_lengths_that_are_exact_are_not_unknown(cell):
 
 
 def test_rows_are_derivatives_of_the_residuals_by_finite_differences(cell):
-    unknowns, touches = Unknowns.of(cell, blocks=2), touches_anywhere(cell)
+    further = (stickout("t16", 15), *drift(np.linspace(-0.5, 0.5, 30)))
+    whole, touches = Unknowns.of(cell), touches_anywhere(cell)
+    unknowns = replace(whole, shared=(*whole.shared, *further))
     rows = measured_rows(cell.wire, [touches.take(np.arange(15)), touches.take(np.arange(15, 30))])
     x, step = np.zeros(len(unknowns)), 1e-4
 
@@ -83,20 +85,21 @@ def test_a_face_that_stands_elsewhere_leaves_no_residual_at_its_offset_and_tilts
     assert explained == pytest.approx(actual, abs=2e-4)  # [mm], squares of the lean
 
 
-def test_a_wire_that_was_cut_is_a_longer_tool_in_its_block(cell):
-    unknowns, touches = Unknowns.of(cell, blocks=2), touches_anywhere(cell)
+def test_a_wire_that_was_cut_is_a_longer_tool_from_then_on(cell):
+    whole, touches = Unknowns.of(cell), touches_anywhere(cell)
+    unknowns = replace(whole, shared=(*whole.shared, stickout("cut", len(touches))))
     rows = measured_rows(cell.wire, [touches, touches])
     length, theta = 0.4, cell.theta.copy()
     theta[-6:-3] += length * rotation(*theta[-3:])[:, 2]
     x = np.zeros(len(unknowns))
-    k = unknowns.names.index("stickout.2")
+    k = unknowns.names.index("stickout.cut")
     x[k] = length / unknowns.scale[k]
 
     r = unknowns.linearize(x, rows)[0]
 
     longer = Unknowns.of(replace(cell, tool=theta[-6:])).linearize(np.zeros(len(x) - 1), rows)[0]
     same = unknowns.linearize(np.zeros(len(x)), rows)[0]
-    assert r == pytest.approx(np.where(rows.block == 1, longer, same), abs=1e-9)
+    assert r == pytest.approx(np.where(rows.owner >= len(touches), longer, same), abs=1e-9)
 
 
 def test_positions_know_nothing_of_faces(cell):

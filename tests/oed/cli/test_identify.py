@@ -6,8 +6,9 @@ import sys
 
 import numpy as np
 import pytest
-from measured import poses_over_jig, positions_at, touches_at
+from measured import poses_over_jig, positions_at, table_2, touches_at, with_offsets
 
+from identify.model.frames import rotation
 from identify.model.io.tables import positions_text, touches_text
 
 SIGMA = 0.05  # [mm]
@@ -256,3 +257,54 @@ def test_a_reader_that_has_seen_enough_is_no_failure():
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
 
     assert (done.stdout, done.stderr) == ("", "")
+
+
+@pytest.fixture
+def changing(arc_welder):
+    """The touches of the sheets by a robot that changes: the share of a change of parameters that each touch feels."""
+
+    def touches(change, share):
+        rng, truth = np.random.default_rng(4), table_2(arc_welder)
+        q = poses_over_jig(arc_welder, 160, rng)[:100]
+        sound = touches_at(arc_welder, truth, q, rng, SIGMA)
+        was, now = (touches_at(arc_welder, theta, q, rng, 0.0).offset for theta in (truth, truth + change))
+        return with_offsets(sound, sound.offset + share * (now - was))
+
+    return touches
+
+
+def test_a_wire_cut_between_two_files_is_estimated_and_the_touches_serve_together(
+    folder, touchcal, arc_welder, changing
+):
+    shorter = np.zeros(len(arc_welder.theta))
+    shorter[-6:-3] = -2.5 * rotation(*table_2(arc_welder)[-3:])[:, 2]
+    touches = changing(shorter, np.arange(100) >= 50)
+    for name, part in (("before", np.arange(50)), ("after", np.arange(50, 100))):
+        (folder / f"{name}.csv").write_text(touches_text(touches.take(part), arc_welder.robot))
+
+    code, out, _ = touchcal("identify", "before.csv", "after.csv")
+
+    words = " ".join(out.split())
+    assert code == 0
+    assert "from touch t51 on" in words
+    assert float(words.split("the wire is ")[1].split()[0]) == pytest.approx(2.5, abs=0.1)
+    verified = json.loads(touchcal("verify", "calibration.json", "unseen.csv", "--json")[1])
+    assert verified["p95_mm"] < verified["promised_p95_mm"] < 0.4
+    written = json.loads((folder / "calibration.json").read_text())
+    shared = {s["name"]: s for s in written["shared"]}
+    assert len(written["outliers"]) <= 1
+    assert shared["stickout.t51"]["value"] == pytest.approx(-2.5, abs=4 * shared["stickout.t51"]["sigma"])
+
+
+def test_a_drift_is_estimated_and_the_calibration_is_that_of_its_middle(folder, touchcal, arc_welder, changing):
+    risen = np.zeros(len(arc_welder.theta))
+    risen[2] = 0.8
+    touches = changing(risen, np.linspace(-0.5, 0.5, 100))
+    (folder / "touches.csv").write_text(touches_text(touches, arc_welder.robot))
+
+    code, out, _ = touchcal("identify", "touches.csv")
+
+    assert code == 0
+    assert float(" ".join(out.split()).split("z ")[1].split()[0]) == pytest.approx(0.8, abs=0.1)
+    verified = json.loads(touchcal("verify", "calibration.json", "unseen.csv", "--json")[1])
+    assert verified["p95_mm"] < verified["promised_p95_mm"] < 0.4

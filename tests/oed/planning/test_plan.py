@@ -174,6 +174,14 @@ def test_the_curve_passes_through_the_plan_and_falls(near, optimal):
         assert (np.diff(errors) < (0.0 if result is near[1] else 1e-3 * errors[0])).all()  # some robots miss them all
 
 
+def test_tight_tolerances_break_no_plan(arc_welder, near):
+    tight = planned(replace(arc_welder, priors=Priors((0.05, 0.00035), (0.05, 0.00035), (0.015, 0.00017))))
+
+    assert (np.diff([error for _, error in tight.curve]) <= 0).all()
+    assert tight.promise.p95_mm < near[1].promise.p95_mm
+    assert 0.9 < tight.efficiency <= 1 + 1e-6
+
+
 def test_a_plan_says_how_many_touches_will_miss_and_promises_less_for_it(near, optimal):
     searches = next(note for note in optimal.notes if "miss (" in note)
 
