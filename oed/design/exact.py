@@ -38,11 +38,15 @@ class ExactDesign:
     """Touches to make, their worth, and their share of the best that any touches could be worth."""
 
     criterion: str
-    indices: Members  # rows; the fixed ones first
-    value: float  # the criterion of these touches and the prior
-    efficiency: float  # against the bound of `relaxation`, as a share of information; nan for O2 and O4
+    indices: Members
+    """Rows; the fixed ones first."""
+    value: float
+    """The criterion of these touches and the prior."""
+    efficiency: float
+    """Against the bound of `relaxation`, as a share of information; nan for O2 and O4."""
     relaxation: ApproximateDesign
-    searches: int  # local searches made
+    searches: int
+    """Local searches made."""
 
 
 def exact_design(

@@ -25,14 +25,21 @@ class ApproximateDesign:
 
     criterion: str
     weights: Float[np.ndarray, " candidates"]
-    value: float  # the criterion of prior + touches * sum of weight * row row'
-    bound: float  # the best value that admissible weights, so any admissible set of touches, can have
-    gap: float  # by how much the bound exceeds the value, as a share of information
+    value: float
+    """The criterion of prior + touches * sum of weight * row row'."""
+    bound: float
+    """The best value that admissible weights, so any admissible set of touches, can have."""
+    gap: float
+    """By how much the bound exceeds the value, as a share of information."""
     information: Float[np.ndarray, "parameters parameters"]
-    closeness: Float[np.ndarray, " candidates"]  # what a candidate gains over what is needed to carry weight
-    level: float  # the bound as phi of the information: the efficiency of a set is its phi over this
-    support: Float[np.ndarray, "parameters parameters"]  # S of that bound: phi(M) <= tr(S M) for every information M
-    touches: int  # that share the weights
+    closeness: Float[np.ndarray, " candidates"]
+    """What a candidate gains over what is needed to carry weight."""
+    level: float
+    """The bound as phi of the information: the efficiency of a set is its phi over this."""
+    support: Float[np.ndarray, "parameters parameters"]
+    """S of that bound: phi(M) <= tr(S M) for every information M."""
+    touches: int
+    """That share the weights."""
     rounds: int
 
 

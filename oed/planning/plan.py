@@ -32,18 +32,26 @@ class PlanResult:
     plan: Plan
     strategy: str
     criterion: str
-    indices: dict[str, float]  # every criterion of the table, of these touches alone
-    efficiency: float | None  # against the bound on what `efficiency_covers`; None where there is no bound
-    efficiency_covers: str  # candidates: the touches on offer that clear ways join, of which there are
+    indices: dict[str, float]
+    """Every criterion of the table, of these touches alone."""
+    efficiency: float | None
+    """Against the bound on what `efficiency_covers`; None where there is no bound."""
+    efficiency_covers: str
+    """Candidates: the touches on offer that clear ways join, of which there are."""
     joined: int
-    offered: int  # touches on offer, polished ones with them
-    manifold: float | None  # efficiency against all touches that can be made, as far as `manifold_covers` says
+    offered: int
+    """Touches on offer, polished ones with them."""
+    manifold: float | None
+    """Efficiency against all touches that can be made, as far as `manifold_covers` says."""
     manifold_covers: str | None
     promise: Promise
-    curve: tuple[tuple[int, float], ...]  # numbers of touches, and the 95 % tip error in the zone to expect [mm]
+    curve: tuple[tuple[int, float], ...]
+    """Numbers of touches, and the 95 % tip error in the zone to expect [mm]."""
     minutes: float
-    unseen: tuple[str, ...]  # sentences: what these touches cannot see, and what to add
-    notes: tuple[str, ...]  # sentences: faces not reached, ways not clear, what limits the accuracy
+    unseen: tuple[str, ...]
+    """Sentences: what these touches cannot see, and what to add."""
+    notes: tuple[str, ...]
+    """Sentences: faces not reached, ways not clear, what limits the accuracy."""
 
     def __len__(self) -> int:
         return len(self.plan)
