@@ -46,8 +46,8 @@ def linear() -> Linear:
     cell = with_errors(bare, tuple(ERROR_MODELS))
     names, robot = cell.robot.parameters, cell.robot
     q = rng.uniform(robot.lower, robot.upper, (TOUCHES, 6))
-    conditions = np.column_stack([rng.choice([-1.0, 1.0], q.shape), rng.uniform(-10, 10, TOUCHES)])
     zeros = np.zeros(TOUCHES)
+    conditions = np.column_stack([rng.choice([-1.0, 1.0], q.shape), rng.uniform(-10, 10, TOUCHES), zeros])
     rows = Rows(q, np.eye(3)[np.arange(TOUCHES) % 3], zeros, zeros, zeros + SIGMA, (), np.arange(TOUCHES), conditions)
     J = measurement_model(robot).linearize(cell.theta, rows)[1]
     kept = structure(bare).kept

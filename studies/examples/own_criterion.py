@@ -24,8 +24,8 @@ def main() -> None:
     """Plan by it and by V, and compare both by both; touchcal plan --criterion own_criterion.py:K2 does the first."""
     oed.CRITERIA[K2.name] = K2
     cell = identify.read_cell(identify.library("cells")["arc-welder"])
-    near = (3.0, np.radians(0.5))  # 1 sigma of base and tool [mm, rad]: few touches miss
-    cell = replace(cell, priors=replace(cell.priors, base=near, tool=near))
+    near, link = (3.0, np.radians(0.5)), (1.0, np.radians(0.3))  # 1 sigma [mm, rad]: few touches miss
+    cell = replace(cell, priors=replace(cell.priors, base=near, tool=near, link=link))
     for name in ("K2", "V"):
         result = oed.plan(cell, 30, name, rng=np.random.default_rng(0), count=1500)
         print(f"by {name}: K2 {result.indices['K2']:.5g}, promised 95 % {result.promise.p95_mm:.3f} mm")

@@ -20,7 +20,7 @@ AXES = "XYZABC"
 
 
 def test_the_words_of_a_line_are_read_whatever_their_order():
-    expected = Block("G38.2", "", ("G90",), {"X": -1.5, "C": 0.25, "F": 100.0}, {"X": -1.5, "C": 0.25})
+    expected = Block("G38.2", False, "", ("G90",), {"X": -1.5, "C": 0.25, "F": 100.0}, {"X": -1.5, "C": 0.25})
 
     assert read_block("G90G38.2X-1.5C.25F100", AXES) == expected
     assert read_block("F100C.25G38.2X-1.5G90", AXES) == expected
