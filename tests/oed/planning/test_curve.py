@@ -54,6 +54,17 @@ def test_the_curve_is_that_of_the_offer_and_falls():
     assert [error for _, error in points] == sorted((error for _, error in points), reverse=True)
 
 
+def test_the_curve_is_level_where_draws_scatter_upwards_and_passes_through_the_plan():
+    offer = Offer(0.02)
+    usual, scatter = offer.promise, iter([0.0, 3e-3, 0.0, 3e-3, 0.0, 2e-2, 0.0, 4e-3, 1e-2])
+    offer.promise = lambda touches, times: SimpleNamespace(p95_mm=usual(touches, times).p95_mm + next(scatter))
+
+    points = curve(offer, Touches(40))
+
+    assert [error for _, error in points] == sorted((error for _, error in points), reverse=True)
+    assert dict(points)[40] == pytest.approx(usual(Touches(40)).p95_mm + 3e-3)
+
+
 def test_a_target_below_the_floor_is_the_fault_of_the_jig():
     with pytest.raises(
         InputError, match=r"stand where they should to 0.05 mm \(1 sigma\), and that alone leaves 0.100 mm"
