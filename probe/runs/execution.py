@@ -14,6 +14,7 @@ from probe.runs.events import Drifted, Finished, Listener, Retried, Started, Tou
 from probe.runs.prediction import Predictor, Surprise
 from probe.runs.preflight import validate
 from probe.runs.records import AGAIN, Reading, Result
+from probe.runs.retreat import stop_for_sure
 from probe.runs.session import Session
 
 USUAL = Settings()
@@ -42,7 +43,7 @@ def run(
     try:
         return execution.all()
     except KeyboardInterrupt:
-        controller.stop()
+        stop_for_sure(controller)
         raise
 
 

@@ -13,6 +13,7 @@ from probe.motion.room import Room
 from probe.motion.settings import Settings
 from probe.runs.events import Finished, Listener, Started, Touching, ignore
 from probe.runs.preflight import validate
+from probe.runs.retreat import stop_for_sure
 
 SHARES = 0.25, 0.5, 0.75, 1.0  # of the distance by which an approach is rehearsed further off
 
@@ -81,7 +82,7 @@ def _move(controller: Controller, geometry: Geometry, here: Joints, q: Joints, t
     try:
         return controller.move(q, geometry.move_rate(here, q, geometry.settings.move_speed))
     except KeyboardInterrupt:
-        controller.stop()
+        stop_for_sure(controller)
         raise
     except Refused as refusal:
         if refusal.code == "EARLY":

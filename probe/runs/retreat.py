@@ -19,6 +19,14 @@ POLL = 0.05  # [s] between two looks at the touch input
 Joints = Float[np.ndarray, " joints"]
 
 
+def stop_for_sure(controller: Controller) -> None:
+    """Stop the robot, as Ctrl-C asks; a second Ctrl-C does not end the stop before the robot stands."""
+    try:
+        controller.stop()
+    except KeyboardInterrupt:
+        controller.stop()
+
+
 class Retreat:
     """The robot in the hands of a run: it knows where it stands, and writes down every motion before it asks for it."""
 
