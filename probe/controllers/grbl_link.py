@@ -15,6 +15,7 @@ from probe.line.transcript import Transport
 
 LONGEST = 500  # [bytes] of a line of GRBL
 IDENTITY, HIGHEST = "TS", 255  # words that may keep the boot; the highest tool number of GRBL 1.1
+HOLDS = 3  # bytes that ask for a feed hold, so that one is not lost
 BEGUN = 2.0  # [s] after which a report that says Idle is no longer one from before the motion
 REPEATS = 20  # reports of a robot that stands, of which two in a row must agree
 STOPPING = 0.02  # [s] between two orders to hold
@@ -103,10 +104,14 @@ class GrblLink:
             raise Refused("NOTREACHED", "the command or its answer was lost")
 
     def halt(self) -> None:
-        """Hold, then reset where something is held; GRBL keeps the position of a robot that stands when it is reset."""
+        """Hold, then reset where something is held; GRBL keeps the position of a robot that stands when it is reset.
+
+        Bytes may be lost: several are sent, and again as long as the robot moves.
+        """
         until = self.clock.now() + self.patience
         while True:
-            self._send(b"!")  # again, as long as it moves: the byte may be lost
+            for _ in range(HOLDS):
+                self._send(b"!")
             if self.report().state not in ("Run", "Jog", "Home") or self.clock.now() > until:
                 break
             self.clock.sleep(STOPPING)

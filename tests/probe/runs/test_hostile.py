@@ -33,6 +33,7 @@ REPLAYED = {
     ),
     "a motion cut short on the line went where the rest of it said": ("grbl", 1071),
     "a motion astray was not watched while its reports still said Idle": ("grbl", 1130),
+    "one lost byte let a robot go on for a millimetre that was to be held": ("grbl", 5065),
     "a second Ctrl-C ended the stop while the robot still slowed down": ("grbl", 2175),
     "a move that ended early where it began left no motion that was accepted": ("line", 995),
     "so did the first look at a robot whose input stuck": ("line", 1176),
