@@ -22,7 +22,7 @@ from identify.model.cell import Cell, Wire
 from identify.model.identifiability import structure
 from identify.model.io.description import library, read_robot
 from identify.model.joint_error_models import ERROR_MODELS
-from identify.model.measurement import Rows, measurement_model
+from identify.model.measurement import Rows, measurement_model, touch_conditions
 from identify.report.svg import AFTER, BEFORE, Chart, axis, named, picture
 from identify.uncertainty.promise import INTERVAL
 from studies.engine import Table, column, distinct, where
@@ -47,7 +47,7 @@ def linear() -> Linear:
     names, robot = cell.robot.parameters, cell.robot
     q = rng.uniform(robot.lower, robot.upper, (TOUCHES, 6))
     zeros = np.zeros(TOUCHES)
-    conditions = np.column_stack([rng.choice([-1.0, 1.0], q.shape), rng.uniform(-10, 10, TOUCHES), zeros])
+    conditions = touch_conditions(q, q - rng.choice([-1.0, 1.0], q.shape), rng.uniform(-10, 10, TOUCHES))
     rows = Rows(q, np.eye(3)[np.arange(TOUCHES) % 3], zeros, zeros, zeros + SIGMA, (), np.arange(TOUCHES), conditions)
     J = measurement_model(robot).linearize(cell.theta, rows)[1]
     kept = structure(bare).kept

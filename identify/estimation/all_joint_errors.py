@@ -10,7 +10,7 @@ from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import Estimate, limit
 from identify.estimation.selection import FREE, Extended, Selection, extend, relinearized
 from identify.model.cell import Cell
-from identify.model.joint_error_models import ERROR_MODELS
+from identify.model.joint_error_models import ERROR_MODELS, WARMTH
 from identify.model.measurement import Rows
 
 LEAST = 0.5  # share of the rows that has to agree
@@ -93,7 +93,7 @@ def _require_agreement(used: Bool[np.ndarray, " rows"]) -> None:
 
 def shown(cell: Cell, rows: Rows) -> tuple[str, ...]:
     """Error models that measurements can show: without a temperature, no link grows."""
-    warm = rows.conditions is not None and bool(np.ptp(rows.conditions[:, -2]) > 0)
+    warm = rows.conditions is not None and bool(np.ptp(rows.conditions[:, WARMTH]) > 0)
     return tuple(name for name in ERROR_MODELS if name != "thermal" or warm or name in cell.robot.errors)
 
 

@@ -106,7 +106,7 @@ class Arm:
 
     def __init__(self, robot: Dimensions, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> None:
         self.robot, self.q, self.tool = robot, q, tool
-        self.direction, self.warmth, self.beyond = conditions[:-2], conditions[-2], conditions[-1]
+        self.direction, self.warmth, self.beyond = conditions[:-FURTHER], conditions[WARMTH], conditions[BEYOND]
 
     @cached_property
     def frames(self) -> list[tuple[ca.SX, ca.SX]]:
@@ -241,7 +241,7 @@ ERROR_MODELS: dict[str, Callable[[Arm], Iterator[Term]]] = {
 }
 """Joint error models by the names that robot and cell files use."""
 CONDITIONAL = {"backlash", "thermal", "compliance"}  # those that depend on how a touch was made
-FURTHER = 2  # conditions beside the directions of the joints: temperature and payload
+FURTHER, WARMTH, BEYOND = 2, -2, -1  # conditions behind the directions of the joints: how many, and where they stand
 
 
 def terms(robot: Dimensions, q: ca.SX, tool: ca.SX, conditions: ca.SX) -> list[Term]:

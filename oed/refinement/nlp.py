@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.ik_step import LEVER
+from identify.model.joint_error_models import FURTHER
 from identify.model.kinematics import jig_T_tip, symbols
 from identify.model.measurement import Rows
 from identify.uncertainty.coordinates import Coordinates
@@ -77,7 +78,7 @@ class Program:
         _, theta = symbols(self.cell.robot)
         q, above = self.x[:joints], self.x[joints:]
         n, origin, u, v = (self.p[i : i + 3] for i in (0, 3, 6, 9))
-        conditions = ca.vertcat(ca.sign(q - above), 0)  # the side from which each joint comes
+        conditions = ca.vertcat(ca.sign(q - above), ca.SX.zeros(FURTHER))  # the side from which each joint comes
         tip, R = self._pose(q, theta, conditions)
         lean = ca.dot(n, R[:, 2])
         height = self._height(ca.dot(n, tip - origin), lean)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from identify.estimation.selection import with_errors
 from oed.planning.candidate_set import candidate_set
 from oed.planning.visitable import Best
 from oed.refinement.coordinate import Refinement
@@ -25,6 +26,19 @@ def test_rows_are_those_of_the_measurement_model(touches, arc_welder):
     rows = [np.array(refinement.program.values(x, p)[0]).ravel() for x, p in zip(at.x, at.p, strict=True)]
 
     np.testing.assert_allclose(rows, refinement.coordinates.rows(few.expected_rows(arc_welder)), atol=1e-6)
+
+
+def test_rows_know_from_which_side_each_joint_comes(arc_welder):
+    """A touch moves every joint a little: with backlash the sides of all six make its row."""
+    loose = with_errors(arc_welder, ("backlash", "thermal", "compliance"))
+    offered = candidate_set(loose, np.random.default_rng(5), count=200)
+    few = offered.candidates.take(np.arange(0, len(offered.candidates), 40))
+    refinement = Refinement(Best(offered, 20, "V").coordinates, offered.feasibility)
+    at = refinement.program.numbers(few)
+
+    rows = [np.array(refinement.program.values(x, p)[0]).ravel() for x, p in zip(at.x, at.p, strict=True)]
+
+    np.testing.assert_allclose(rows, refinement.coordinates.rows(few.expected_rows(loose)), atol=1e-6)
 
 
 def test_candidates_keep_all_limits_and_a_touch_beside_its_face_does_not(touches):
