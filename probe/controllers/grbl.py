@@ -43,10 +43,8 @@ HOMING = 180.0  # [s]
 ARRIVED = 0.02  # [deg] or [mm]
 ASKING = 5.0  # [s] for which a target that GRBL understands wrongly is told again
 OFF = 0.01  # [deg] or [mm] off the commanded path: GRBL reports where it steps, and nothing trembles
-LAST_OF_GRBL, SHOWN = (
-    3,
-    16 + 128,
-)  # of $10: grblHAL has more bits than GRBL, those of the input and the probe among them
+LAST_OF_GRBL = 3  # of $10: grblHAL has more bits than GRBL
+SHOWN = 16 + 128  # of $10: the bits of the input and of the probe
 NO_OFFSETS = {"error:20", "error:37"}  # no G43.1, or for one axis only
 DISTURBED = "GRBL understands another target than it was told; is the line disturbed?"
 ASTRAY = 0.017  # [deg] further until it stands: with OFF half a millimetre in all, a metre from the axis

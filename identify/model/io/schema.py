@@ -202,9 +202,8 @@ class JointsEntry(Strict):
 
     sign: Signs | None = None
     zero_deg: Numbers | None = None  # what it shows where the model stands at 0; mm of a prismatic joint
-    coupled: dict[str, str] | None = (
-        None  # {j3: j2}: the count of j2 is added to that of j3; {j3: -j2}: subtracted; {}: none
-    )
+    # {j3: j2}: the count of j2 is added to that of j3; {j3: -j2}: subtracted; {}: none
+    coupled: dict[str, str] | None = None
     pulses_per_deg: Positives | None = None
 
 
