@@ -20,7 +20,7 @@ from touching import Ticks
 
 from identify.estimation.calibrate import calibrate
 from identify.model.cell import Cell, Wire
-from identify.model.io.calibration_file import Calibration
+from identify.model.io.calibration_file import Calibration, write_calibration
 from identify.model.io.description import library, read_cell, read_jig, read_robot
 from identify.model.jig import Jig
 from oed.cli import main
@@ -106,6 +106,15 @@ def found(arc_welder: Cell) -> Calibration:
     rng = np.random.default_rng(5)
     touches = touches_at(arc_welder, table_2(arc_welder), poses_over_jig(arc_welder, 100, rng), rng)
     return calibrate(arc_welder, touches, folds=0, parameters="identifiable", errors="cell")
+
+
+@pytest.fixture
+def found_folder(arc_welder: Cell, found: Calibration, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of that robot, with its cell and its calibration."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
+    write_calibration(tmp_path / "calibration.json", found)
+    return tmp_path
 
 
 @pytest.fixture(scope="session")

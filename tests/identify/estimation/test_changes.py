@@ -4,22 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from measured import poses_over_jig, table_2, touches_at
+from findings import SIGMA, TOUCHES, findings
+from measured import table_2, touches_at
 
-from identify.estimation.calibrate import calibrate
 from identify.model.measurement import measurement_model, rows
-
-SIGMA = 0.05
-TOUCHES = 120
-
-
-@pytest.fixture(scope="module")
-def poses(arc_welder):
-    return poses_over_jig(arc_welder, TOUCHES, np.random.default_rng(7))
-
-
-def findings(cell, *measured):
-    return {found.kind: found for found in calibrate(cell, *measured, folds=0, errors="cell").findings}
 
 
 def shifted(touches, cell, theta_of):
@@ -40,16 +28,16 @@ def cut(theta, change):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_sound_touches_are_not_accused(seed, arc_welder, poses):
-    touches = touches_at(arc_welder, table_2(arc_welder), poses, np.random.default_rng(seed), SIGMA)
+def test_sound_touches_are_not_accused(seed, arc_welder, touch_poses):
+    touches = touches_at(arc_welder, table_2(arc_welder), touch_poses, np.random.default_rng(seed), SIGMA)
 
     assert findings(arc_welder, touches).keys() <= {"outliers"}
 
 
 @pytest.mark.parametrize(("at", "change"), [(40, 0.3), (60, 0.3), (90, -0.3), (50, -2.0)])
-def test_a_wire_that_changed_its_stick_out_is_found_and_the_touch_named(at, change, arc_welder, poses, rng):
+def test_a_wire_that_changed_its_stick_out_is_found_and_the_touch_named(at, change, arc_welder, touch_poses, rng):
     theta = table_2(arc_welder)
-    sound = touches_at(arc_welder, theta, poses, rng, SIGMA)
+    sound = touches_at(arc_welder, theta, touch_poses, rng, SIGMA)
     touches = shifted(sound, arc_welder, lambda i: cut(theta, change) if i >= at else theta)
 
     found = findings(arc_welder, touches)
@@ -63,11 +51,11 @@ def test_a_wire_that_changed_its_stick_out_is_found_and_the_touch_named(at, chan
     assert found.keys() <= {"stick-out changed", "outliers"}
 
 
-def test_a_jig_that_moves_is_called_drift_with_its_way(arc_welder, poses, rng):
+def test_a_jig_that_moves_is_called_drift_with_its_way(arc_welder, touch_poses, rng):
     theta = table_2(arc_welder)
     moved = theta.copy()
     moved[2] += 0.4  # the robot rises against the jig
-    sound = touches_at(arc_welder, theta, poses, rng, SIGMA)
+    sound = touches_at(arc_welder, theta, touch_poses, rng, SIGMA)
     touches = shifted(sound, arc_welder, lambda i: theta + i / (TOUCHES - 1) * (moved - theta))
     times = tuple(f"2026-01-01T10:{i // 2:02d}:{30 * (i % 2):02d}Z" for i in range(TOUCHES))
 

@@ -4,26 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from findings import SIGMA, findings
 from irb120 import positions
-from measured import TABLE_2, poses_over_jig, positions_at, table_2, touches_at
+from measured import TABLE_2, positions_at, table_2, touches_at
 
-from identify.estimation.calibrate import calibrate
 from identify.estimation.selection import with_errors
 
-SIGMA = 0.05
-TOUCHES = 120
 
-
-@pytest.fixture(scope="module")
-def poses(arc_welder):
-    return poses_over_jig(arc_welder, TOUCHES, np.random.default_rng(7))
-
-
-def findings(cell, *measured):
-    return {found.kind: found for found in calibrate(cell, *measured, folds=0, errors="cell").findings}
-
-
-def test_a_joint_that_turns_unevenly_is_named(arc_welder, poses, rng):
+def test_a_joint_that_turns_unevenly_is_named(arc_welder, touch_poses, rng):
     uneven = with_errors(arc_welder, ("harmonics",))
     theta = uneven.theta.copy()
     for name, value in TABLE_2.items():
@@ -32,7 +20,7 @@ def test_a_joint_that_turns_unevenly_is_named(arc_welder, poses, rng):
     theta[uneven.robot.parameters.index("j3.cos2")] = np.radians(0.15)
     theta[uneven.robot.parameters.index("j3.sin2")] = np.radians(0.1)
 
-    found = findings(arc_welder, positions_at(uneven, theta, poses, rng, SIGMA))
+    found = findings(arc_welder, positions_at(uneven, theta, touch_poses, rng, SIGMA))
 
     assert "j3 turns unevenly" in found["one bad joint"].text
 
@@ -47,8 +35,8 @@ def test_joints_read_back_before_the_robot_settled_are_recognised(irb120_cell, i
     assert "joints read too early" not in commanded
 
 
-def test_touches_left_out_are_findings_with_their_names(arc_welder, poses, rng):
-    touches = touches_at(arc_welder, table_2(arc_welder), poses, rng, SIGMA)
+def test_touches_left_out_are_findings_with_their_names(arc_welder, touch_poses, rng):
+    touches = touches_at(arc_welder, table_2(arc_welder), touch_poses, rng, SIGMA)
     offset = touches.offset.copy()
     offset[17] += 3.0
 

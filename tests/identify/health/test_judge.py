@@ -12,8 +12,6 @@ from identify.health.causes import looked_for
 from identify.health.judge import ALARM, judge, noticed
 from identify.model.files import InputError
 from identify.model.frames import rotation
-from identify.model.io.calibration_file import write_calibration
-from identify.model.io.description import library
 from identify.model.io.tables import touches_text
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import HIT, Touches
@@ -194,18 +192,10 @@ def test_too_few_touches_and_touches_of_the_fit_are_refused(arc_welder, found, p
         judge(found, seen)
 
 
-@pytest.fixture
-def folder(arc_welder, found, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
-    write_calibration(tmp_path / "calibration.json", found)
-    return tmp_path
-
-
-def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, folder, touchcal):
+def test_words_of_a_verdict_name_part_size_and_cure(arc_welder, found, plan, found_folder, touchcal):
     slipped = found.theta + changed(arc_welder, j3_theta=0.05 * DEG)
     touches = checked(arc_welder, plan, slipped, np.random.default_rng(1))
-    (folder / "touches.csv").write_text(touches_text(touches, arc_welder.robot))
+    (found_folder / "touches.csv").write_text(touches_text(touches, arc_welder.robot))
 
     code, out, _ = touchcal("health", "calibration.json", "touches.csv")
 

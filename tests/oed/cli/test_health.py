@@ -5,19 +5,8 @@ import json
 import pytest
 from measured import TABLE_2
 
-from identify.model.io.calibration_file import write_calibration
-from identify.model.io.description import library
 
-
-@pytest.fixture
-def folder(arc_welder, found, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
-    write_calibration(tmp_path / "calibration.json", found)
-    return tmp_path
-
-
-def test_from_plan_over_the_virtual_robot_to_the_verdict(folder, touchcal):
+def test_from_plan_over_the_virtual_robot_to_the_verdict(found_folder, touchcal):
     code, out, _ = touchcal("health", "calibration.json")
     assert code == 0
     assert "zero of joint j2" in out
@@ -26,14 +15,14 @@ def test_from_plan_over_the_virtual_robot_to_the_verdict(folder, touchcal):
     assert code == 0
     assert "unchanged: the robot is the one that was identified" in out
     values = TABLE_2 | {"tool.x": TABLE_2["tool.x"] + 1.0}
-    (folder / "hit.yaml").write_text(json.dumps({"parameters": values}))
+    (found_folder / "hit.yaml").write_text(json.dumps({"parameters": values}))
 
     code, out, _ = touchcal("health", "calibration.json", "--run", "--truth", "hit.yaml", "--json")
     assert code == 1
     told = json.loads(out)
     assert (told["verdict"], told["cause"]) == ("broken", "tool")
     assert told["change"] == pytest.approx([1, 0, 0], abs=0.2)
-    assert (folder / "health-touches-2.csv").exists()
+    assert (found_folder / "health-touches-2.csv").exists()
     assert touchcal("health", "calibration.json", "health-touches.csv")[0] == 0
 
 
@@ -46,11 +35,11 @@ def test_from_plan_over_the_virtual_robot_to_the_verdict(folder, touchcal):
         (["health", "calibration.json", "-n", "5"], "5 touches are too few to judge a robot by; plan 6 at least"),
     ],
 )
-def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, folder, touchcal):
-    before = sorted(folder.rglob("*"))
+def test_bad_input_gets_one_sentence_and_nothing_is_written(arguments, sentence, found_folder, touchcal):
+    before = sorted(found_folder.rglob("*"))
 
     code, out, err = touchcal(*arguments)
 
     assert (code, out) == (2, "")
     assert sentence in err
-    assert sorted(folder.rglob("*")) == before
+    assert sorted(found_folder.rglob("*")) == before
