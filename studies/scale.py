@@ -53,7 +53,7 @@ def planned() -> tuple[Cell, Measurements]:
     points = {f"socket_{k}": Point(place, 0.0) for k, place in enumerate(SOCKETS)}
     cell = replace(scaled(arc_welder(), NEAR), jig=None, zone=arc_welder().zone, points=points)
     cell = replace(cell, devices={"contact": Device(sigma=SIGMA)})
-    return cell, measurements(cell, "contact", np.random.default_rng(0), CONTACTS)
+    return cell, measurements(cell, "contact", np.random.default_rng(0), CONTACTS)[0]
 
 
 def run(rng: np.random.Generator, pair: int, sigma: float, robots: int) -> list[dict[str, Any]]:

@@ -106,16 +106,28 @@ class Device:
 
     minutes: float = 0.25  # a measurement takes, getting there included
     sigma: float | None = None  # [mm], scatter; None: that of touches
-    turn_sigma: float = 0.02 * DEG  # [rad], scatter of a measured orientation about each axis
+    turn_sigma: float = field(default=0.02 * DEG, metadata={"key": "sigma_deg"})
+    """[rad], scatter of a measured orientation about each axis."""
     range: tuple[float, float] = (200.0, 1000.0)  # [mm], shortest and longest distance
     max_tilt: float = 60 * DEG  # [rad], of a ball bar or a wire, and of the tool at a point, from the vertical
     box: Float[np.ndarray, "3 2"] | None = field(default=None, compare=False)  # [mm], what a tracker sees; None: usual
+    stand: Float[np.ndarray, " 3"] | None = field(default=None, compare=False)
+    """[mm], where a tracker stands in the frame in which it measures; None: its lines of sight are not looked at."""
+    azimuth: tuple[float, float] = (-180 * DEG, 180 * DEG)
+    """[rad], where a tracker looks to about z of that frame, from x."""
+    elevation: tuple[float, float] = (-50 * DEG, 75 * DEG)
+    """[rad], where a tracker looks to, above the x-y plane of that frame."""
+    target_axis: Float[np.ndarray, " 3"] | None = field(default=None, compare=False)
+    """Where the target looks to, in the tip frame; None: turned to the tracker by hand, or seen from all sides."""
+    acceptance: float = 30 * DEG
+    """[rad], between the axis of the target and the line of sight."""
 
 
+TRACKER = Device(minutes=0.15, range=(500.0, 20_000.0))
 DEVICES: dict[str, Device] = {
     "touch": Device(minutes=0.1),
-    "position": Device(minutes=0.15),
-    "pose": Device(minutes=0.15),
+    "position": TRACKER,
+    "pose": TRACKER,
     "distance": Device(minutes=0.25),
     "contact": Device(minutes=1.0),
 }

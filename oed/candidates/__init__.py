@@ -8,6 +8,7 @@ In the order in which data walks through:
     feasibility   whether a touch can be made: contact, way from the approach, search beyond
     hits          what robots that may be off meet with a search
     candidates    contact points, wire, joint values of contact and approach
+    sight         lines of sight from a tracker to the target at the tip
     kinds         positions, poses, distances and contacts that can be measured
     baselines     points spread evenly over the faces, and random ones
 """

@@ -14,6 +14,7 @@ from identify.model.ik import reach
 from identify.model.measurement import MEASUREMENTS, Measurements
 from identify.model.touch import Contacts, Distances, Poses, Positions
 from identify.model.zone import cone, frames, zone_of
+from oed.candidates.sight import SEEN, sight, unseen_note
 from probe.motion.clearance import CLEAR, WIRE, Clearance
 
 VIEW = 300.0  # [mm] around zone and jig, where a tracker sees the tip if the cell does not say
@@ -27,10 +28,18 @@ class Postures:
 
     q: Float[np.ndarray, "postures joints"]  # [rad] or [mm]
     point: Int[np.ndarray, " postures"]  # place in the points of the cell; -1 for none
+    placement: tuple[str, ...] | None = None
+    tool: tuple[str, ...] | None = None
 
-    def take(self, index: np.ndarray) -> "Postures":
+    def take(self, index: Int[np.ndarray, " some"]) -> "Postures":
         """Some of them."""
-        return Postures(self.q[index], self.point[index])
+        names = (each and tuple(each[i] for i in index) for each in (self.placement, self.tool))
+        return Postures(self.q[index], self.point[index], *names)
+
+    def and_those(self, other: "Postures") -> "Postures":
+        """These and others of the same cell."""
+        names = (a and b and a + b for a, b in ((self.placement, other.placement), (self.tool, other.tool)))
+        return Postures(np.concatenate([self.q, other.q]), np.concatenate([self.point, other.point]), *names)
 
 
 def planned_cell(cell: Cell) -> tuple[Cell, tuple[str, ...]]:
@@ -56,34 +65,39 @@ def measurements(
     *,
     theta: Float[np.ndarray, " parameters"] | None = None,
     clearance: Clearance | None = None,
-) -> Measurements:
-    """Measurements of a kind that can be made, `count` of them where there are so many, as the table of the kind.
+) -> tuple[Measurements, tuple[str, ...]]:
+    """Measurements of a kind that can be made, `count` of them where there are so many, and what a tracker cannot see.
 
     They read what the robot `theta` (nominal) would give. Further placements and tools of the cell are used as often
-    as the first. Raises InputError if the cell lacks what the kind needs, or no posture is clear.
+    as the first. Raises InputError if the cell lacks what the kind needs, or no posture is clear and in sight.
     """
     if kind not in POSTURES:
         raise InputError(f"measurements of kind '{kind}' cannot be planned; choose of touch, {', '.join(POSTURES)}")
     theta = cell.theta if theta is None else theta
     clearance = Clearance(cell, theta) if clearance is None else clearance
     draw, table = POSTURES[kind]
-    parts, number = list[Postures](), 0
+    whole, reasons = Postures(np.empty((0, len(cell.robot.joints))), np.empty(0, dtype=int)), np.empty(0, dtype=int)
     for _ in range(ROUNDS):
-        drawn = draw(cell, theta, rng, max(200, count))
-        found = drawn.take(clearance.hits(drawn.q) == CLEAR)
-        if kind != "contact":
-            gaps = clearance.segment_gaps(*clearance.wire(found.q), WIRE)
-            found = found.take(gaps >= WIRE)
-        parts.append(found)
-        number += len(found.q)
-        if number >= count:
+        clear = _clear(draw(cell, theta, rng, max(200, count)), kind, clearance)
+        seen = sight(cell, kind, clearance, clear.q, clear.placement, clear.tool)
+        reasons = np.append(reasons, seen)
+        found = clear.take(np.flatnonzero(seen == SEEN))
+        whole = whole.and_those(found) if len(whole.q) else found
+        if len(whole.q) >= count:
             break
-    whole = Postures(np.concatenate([p.q for p in parts]), np.concatenate([p.point for p in parts])).take(
-        np.arange(min(number, count))
-    )
+    note = unseen_note(cell.device(kind), kind, reasons)
     if not len(whole.q):
-        raise InputError(f"no {kind} can be measured: no posture within reach and view is clear of jig and arm")
-    return table(cell, theta, whole, rng)
+        why = note or "no posture within reach and view is clear of jig and arm"
+        raise InputError(f"no {kind} can be measured: {why}")
+    return table(cell, theta, whole.take(np.arange(min(len(whole.q), count)))), (note,) if note else ()
+
+
+def _clear(drawn: Postures, kind: str, clearance: Clearance) -> Postures:
+    """Postures in which nothing meets jig or arm, but for a tip that sits in a socket."""
+    found = drawn.take(np.flatnonzero(clearance.hits(drawn.q) == CLEAR))
+    if kind == "contact":
+        return found
+    return found.take(np.flatnonzero(clearance.segment_gaps(*clearance.wire(found.q), WIRE) >= WIRE))
 
 
 def _free(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int, kind: str = "position") -> Postures:
@@ -92,7 +106,7 @@ def _free(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int, k
     q = rng.uniform(robot.lower, robot.upper, (20 * count, len(robot.joints)))
     tip = cell.kinematics.tip(q, theta)[0]
     q = q[((tip >= box[:, 0]) & (tip <= box[:, 1])).all(axis=1)]
-    return Postures(q, np.full(len(q), -1))
+    return Postures(q, np.full(len(q), -1), *_names(cell, len(q), rng))
 
 
 def _view(cell: Cell, kind: str) -> Float[np.ndarray, "3 2"]:
@@ -152,46 +166,42 @@ def _ids(postures: Postures) -> tuple[str, ...]:
     return tuple(str(i + 1) for i in range(len(postures.q)))
 
 
-def _tips(
-    cell: Cell, theta: np.ndarray, q: np.ndarray, placement: Sequence[str] | None, tool: Sequence[str] | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Tips [mm] and rotations of rows with placements and tools of their own."""
-    each = np.tile(theta, (len(q), 1))
-    for names, known, part in ((placement, cell.placements, slice(0, 6)), (tool, cell.tools, slice(-6, None))):
+def _tips(cell: Cell, theta: np.ndarray, at: Postures) -> tuple[np.ndarray, np.ndarray]:
+    """Tips [mm] and rotations of postures with placements and tools of their own."""
+    each = np.tile(theta, (len(at.q), 1))
+    for names, known, part in ((at.placement, cell.placements, slice(0, 6)), (at.tool, cell.tools, slice(-6, None))):
         for i, name in enumerate(names or ()):
             if name:
                 each[i, part] = known[name]
-    tip, R = cell.kinematics.tip(q, each)
+    tip, R = cell.kinematics.tip(at.q, each)
     return tip, R
 
 
-def _position_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
-    placement, tool = _names(cell, len(at.q), rng)
-    tip = _tips(cell, theta, at.q, placement, tool)[0]
-    return Positions(_ids(at), at.q, tip, np.full(len(tip), cell.sigma("position")), placement, tool)
+def _position_table(cell: Cell, theta: np.ndarray, at: Postures) -> Measurements:
+    tip = _tips(cell, theta, at)[0]
+    return Positions(_ids(at), at.q, tip, np.full(len(tip), cell.sigma("position")), at.placement, at.tool)
 
 
-def _pose_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
-    placement, tool = _names(cell, len(at.q), rng)
-    tip, R = _tips(cell, theta, at.q, placement, tool)
+def _pose_table(cell: Cell, theta: np.ndarray, at: Postures) -> Measurements:
+    tip, R = _tips(cell, theta, at)
     sigma, turn = np.full(len(tip), cell.sigma("pose")), np.full(len(tip), cell.device("pose").turn_sigma)
-    return Poses(_ids(at), at.q, tip, euler(R), sigma, turn, placement, tool)
+    return Poses(_ids(at), at.q, tip, euler(R), sigma, turn, at.placement, at.tool)
 
 
-def _distance_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
+def _distance_table(cell: Cell, theta: np.ndarray, at: Postures) -> Measurements:
     names, places = list(cell.points), np.array(list(cell.places.values()))
     distance = np.linalg.norm(cell.kinematics.tip(at.q, theta)[0] - places[at.point], axis=1)
     anchor = tuple(names[i] for i in at.point)
     return Distances(_ids(at), at.q, anchor, distance, np.full(len(distance), cell.sigma("distance")))
 
 
-def _contact_table(cell: Cell, theta: np.ndarray, at: Postures, rng: np.random.Generator) -> Measurements:
+def _contact_table(cell: Cell, theta: np.ndarray, at: Postures) -> Measurements:
     names = list(cell.points)
     return Contacts(_ids(at), at.q, tuple(names[i] for i in at.point), np.full(len(at.q), cell.sigma("contact")))
 
 
 Draw = Callable[[Cell, np.ndarray, np.random.Generator, int], Postures]
-MakeTable = Callable[[Cell, np.ndarray, Postures, np.random.Generator], Measurements]
+MakeTable = Callable[[Cell, np.ndarray, Postures], Measurements]
 POSTURES: dict[str, tuple[Draw, MakeTable]] = {
     "position": (_free, _position_table),
     "pose": (partial(_free, kind="pose"), _pose_table),

@@ -46,6 +46,7 @@ class Offer:
     postures: Plan  # of all candidates
     table: Measurements | None  # None for touches
     touches: CandidateSet | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.postures)
@@ -190,11 +191,11 @@ def kinds_problem(
     prior = prior_information(cell) if after is None else posterior(after, cell)
     prior = _with_points(prior)
     clearance = Clearance(prior.unknowns.cell, prior.theta)
-    offers = (
+    offers = tuple(
         _touches(prior, rng, count) if kind == "touch" else _others(prior, kind, clearance, rng, count)
         for kind in dict.fromkeys(kinds)
     )
-    return KindsProblem(prior, clearance, tuple(offers), notes)
+    return KindsProblem(prior, clearance, offers, notes + tuple(note for offer in offers for note in offer.notes))
 
 
 def _with_points(prior: Information) -> Information:
@@ -218,8 +219,10 @@ def _touches(prior: Information, rng: np.random.Generator, count: int) -> Offer:
 
 def _others(prior: Information, kind: str, clearance: Clearance, rng: np.random.Generator, count: int) -> Offer:
     cell, theta = prior.unknowns.cell, prior.theta
-    table = measurements(cell, kind, rng, max(count // ROWS[kind], 1), theta=theta, clearance=clearance)
+    table, notes = measurements(cell, kind, rng, max(count // ROWS[kind], 1), theta=theta, clearance=clearance)
     made = rows(cell.wire, [table], cell.robot, cell.places)
     tip, R = cell.kinematics.tip(table.q, theta)
     plan = Plan(table.ids, ("",) * len(table), tip, -R[:, :, 2], table.q, table.q)
-    return Offer(kind, cell.device(kind).minutes, prior.unknowns.rows(made, theta), made.owner, plan, table)
+    return Offer(
+        kind, cell.device(kind).minutes, prior.unknowns.rows(made, theta), made.owner, plan, table, None, notes
+    )

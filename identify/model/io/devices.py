@@ -2,48 +2,34 @@
 
 from typing import Any
 
-import numpy as np
-
-from identify.model.cell import DEG, DEVICES, Device
+from identify.model.cell import DEVICES, Device
 from identify.model.files import Mistake
 from identify.model.io.document import Document
 from identify.model.io.schema import DeviceEntry
-from identify.model.io.units import outside
+from identify.model.io.units import described, entry_of
+
+OF_TRACKERS = ("stand_mm", "azimuth_deg", "elevation_deg", "target_axis", "acceptance_deg")
 
 
 def device_of(kind: str, entry: DeviceEntry) -> Device:
     """What makes measurements of a kind, from its entry and what is usual for the kind."""
-    usual = DEVICES[kind]
-    return Device(
-        minutes=usual.minutes if entry.minutes is None else entry.minutes,
-        sigma=entry.sigma_mm,
-        turn_sigma=usual.turn_sigma if entry.sigma_deg is None else entry.sigma_deg * DEG,
-        range=usual.range if entry.range_mm is None else entry.range_mm,
-        max_tilt=usual.max_tilt if entry.max_tilt_deg is None else entry.max_tilt_deg * DEG,
-        box=None if entry.box_mm is None else np.array(entry.box_mm),
-    )
+    return described(Device, entry, DEVICES[kind])
 
 
 def device_entry(device: Device) -> dict[str, Any]:
     """The inverse of `device_of`."""
-    return {
-        "minutes": device.minutes,
-        "sigma_mm": device.sigma,
-        "sigma_deg": outside(device.turn_sigma, DEG),
-        "range_mm": device.range,
-        "max_tilt_deg": outside(device.max_tilt, DEG),
-        "box_mm": None if device.box is None else device.box.tolist(),
-    }
+    return entry_of(device, DeviceEntry)
 
 
 def device_mistakes(document: Document) -> list[Mistake]:
-    """Ranges and boxes whose ends are the wrong way round, and a scatter of touches beside that under touch:."""
+    """Ends the wrong way round, what no device of the kind has, and lines of sight from nowhere."""
     measure, wrong = document.get("measure"), []
     for kind, entry in measure.items() if isinstance(measure, dict) else ():
         if not isinstance(entry, dict):
             continue
         box = entry.get("box_mm")
-        for pair in (entry.get("range_mm"), *(box if isinstance(box, list) else ())):
+        ranges = (entry.get(key) for key in ("range_mm", "azimuth_deg", "elevation_deg"))
+        for pair in (*ranges, *(box if isinstance(box, list) else ())):
             if isinstance(pair, list) and len(pair) == 2 and all(isinstance(x, int | float) for x in pair):
                 low, high = pair
                 if low > high:
@@ -51,4 +37,19 @@ def device_mistakes(document: Document) -> list[Mistake]:
                     wrong.append(document.wrong(text, "measure", kind))
         if kind == "touch" and entry.get("sigma_mm") is not None:
             wrong.append(document.wrong("the scatter of touches is sigma_mm under touch:", "measure", kind, "sigma_mm"))
+        wrong += _sight_mistakes(document, kind, entry)
     return wrong
+
+
+def _sight_mistakes(document: Document, kind: str, entry: dict[str, Any]) -> list[Mistake]:
+    """Keys of a tracker where there is none, or where it is not said where the tracker stands."""
+    keys = [key for key in OF_TRACKERS if entry.get(key) is not None]
+    if keys and kind not in ("position", "pose"):
+        text = f"{keys[0]} is of a tracker, which measures a position or a pose; leave it out"
+    elif keys and "stand_mm" not in keys:
+        text = f"{keys[0]} asks where the tracker stands; add stand_mm: [x, y, z], in the frame in which it measures"
+    elif entry.get("target_axis") in ([0, 0, 0], [0.0, 0.0, 0.0]):
+        text = "target_axis has length 0; write where the target looks to in the tip frame, [0, 0, 1] for example"
+    else:
+        return []
+    return [document.wrong(text, "measure", kind, keys[0])]

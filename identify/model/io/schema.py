@@ -13,6 +13,7 @@ from identify.model.robot import Robot
 Number = Annotated[float, Field(strict=True)]  # not a text that reads like one, nor true or false
 Positive = Annotated[Number, Field(gt=0)]
 Vector = tuple[Number, Number, Number]
+Degrees = Annotated[Number, Field(ge=-360, le=360)]
 
 
 class Strict(BaseModel):
@@ -240,6 +241,11 @@ class DeviceEntry(Strict):
     range_mm: tuple[Positive, Positive] | None = None
     max_tilt_deg: Annotated[Number, Field(gt=0, le=180)] | None = None
     box_mm: tuple[tuple[Number, Number], tuple[Number, Number], tuple[Number, Number]] | None = None
+    stand_mm: Vector | None = None  # this and the next four: of a tracker
+    azimuth_deg: tuple[Degrees, Degrees] | None = None
+    elevation_deg: tuple[Degrees, Degrees] | None = None
+    target_axis: Vector | None = None
+    acceptance_deg: Annotated[Number, Field(gt=0, le=180)] | None = None
 
 
 class CellFile(Strict):

@@ -11,6 +11,7 @@ from identify.model.io.entries import pose_entry, priors_entry
 from identify.model.io.units import entry_of
 
 VIEW = 300.0  # [mm] around the zone, where a tracker sees the tip
+AWAY, ABOVE = 2500.0, 500.0  # [mm] from the middle of the zone, where a tracker stands
 
 CELL = """\
 # yaml-language-server: $schema={schema}
@@ -58,9 +59,12 @@ jig: {jig}
 MEASURES = {
     "tracker": """
 # What measures: a tracker reads where a target at the tip is, in the frame in which the base stands. Minutes that one
-# measurement takes, its scatter, and the box in which the tracker sees the target.
+# measurement takes, its scatter, the box to measure in, where the tracker stands, and the shortest and longest distance
+# that it measures. It looks to azimuth_deg: [-180, 180] about z of that frame, from x, and to elevation_deg: [-50, 75]
+# above the plane. A target that nobody turns to the tracker looks along target_axis: [0, 0, 1] of the tip frame, and is
+# seen within acceptance_deg: 30 of it. Plans leave out what the tracker cannot see; arm, tool and obstacles hide it.
 measure:
-  position: {{minutes: 0.15, sigma_mm: 0.05, box_mm: {view}}}
+  position: {{minutes: 0.15, sigma_mm: 0.05, box_mm: {view}, stand_mm: {stand}, range_mm: [500, 20000]}}
 
 # Further targets on the tool and further stands of the tracker, each about where it is, or fit; a row of positions.csv
 # names them in the columns tool and placement.
@@ -112,11 +116,21 @@ def measure_text(measure: str, cell: Cell) -> str:
     first, second, third_place = (_line("point", place).partition(": ")[2] for place in places)
     return MEASURES[measure].format(
         view=_short(view.round().tolist()),
+        stand=_short(_stand(cell).round(-1).tolist()),
         first=first,
         second=second,
         third=third_place,
         spacing=f"{np.linalg.norm(corners[0] - corners[1]):.1f}",
     )
+
+
+def _stand(cell: Cell) -> np.ndarray:
+    """Where a tracker looks across the zone towards the robot."""
+    assert cell.zone is not None
+    assert cell.base is not None
+    middle = cell.zone.box.mean(axis=1)
+    away = (middle - cell.base[:3]) * np.array([1.0, 1.0, 0.0])
+    return np.asarray(middle + AWAY * away / max(np.linalg.norm(away), 1e-9) + np.array([0.0, 0.0, ABOVE]))
 
 
 def cell_text(cell: Cell, robot: str, jig: str, notes: dict[str, str], schema_file: str) -> str:

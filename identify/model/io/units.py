@@ -6,7 +6,7 @@ dataclasses of the model, names of keys and limits in the schema, once each.
 """
 
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 from pydantic import BaseModel
@@ -34,16 +34,22 @@ def usual(cls: type, key: str) -> Any:
     return outside(next(field.default for field in fields(cls) if field.name == name), factor)
 
 
-def described(cls: type[Described], entry: BaseModel) -> Described:
-    """What an entry of a file describes, every number in the unit of the inside."""
+def described(cls: type[Described], entry: BaseModel, default: Described | None = None) -> Described:
+    """What an entry of a file describes, every number in the unit of the inside; `default` says what it leaves out."""
     kinds = {field.name: field.type for field in fields(cls)}  # type: ignore[arg-type]
     places = {key: field_of(cls, key) for key in type(entry).model_fields}
     return cls(
         **{
-            name: _inside(getattr(entry, key), factor, hasattr(kinds[name], "array_type"))
+            name: getattr(default, name)
+            if default is not None and getattr(entry, key) is None
+            else _inside(getattr(entry, key), factor, _is_array(kinds[name]))
             for key, (name, factor) in places.items()
         }
     )
+
+
+def _is_array(kind: Any) -> bool:
+    return any(hasattr(some, "array_type") for some in (kind, *get_args(kind)))
 
 
 def entry_of(thing: Any, model: type[BaseModel]) -> dict[str, Any]:
@@ -55,6 +61,8 @@ def entry_of(thing: Any, model: type[BaseModel]) -> dict[str, Any]:
 def _inside(value: Any, factor: float, array: bool) -> Any:
     if array:
         return np.array(value, dtype=float) * factor
+    if isinstance(value, tuple):
+        return tuple(_inside(part, factor, False) for part in value)
     return value * factor if isinstance(value, float) else value
 
 
@@ -62,4 +70,6 @@ def outside(value: Any, factor: float) -> Any:
     """A value of the inside in the unit of a file."""
     if isinstance(value, np.ndarray):
         return (value / factor).round(DIGITS).tolist()
+    if isinstance(value, tuple):
+        return tuple(outside(part, factor) for part in value)
     return value if factor == 1.0 or not isinstance(value, float) else round(value / factor, DIGITS)

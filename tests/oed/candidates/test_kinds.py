@@ -22,7 +22,7 @@ def cell(arc_welder):
 
 @pytest.mark.parametrize("kind", POSTURES)
 def test_what_is_planned_is_clear_within_the_limits_and_what_the_drawn_robot_reads(cell, kind, rng):
-    table = measurements(cell, kind, rng, 40)
+    table = measurements(cell, kind, rng, 40)[0]
 
     made = rows(cell.wire, [table], places=cell.places)
     assert len(table) == 40
@@ -32,7 +32,7 @@ def test_what_is_planned_is_clear_within_the_limits_and_what_the_drawn_robot_rea
 
 
 def test_a_ball_bar_is_as_long_as_it_is_and_leans_no_more_than_allowed(cell, rng):
-    table = measurements(cell, "distance", rng, 60)
+    table = measurements(cell, "distance", rng, 60)[0]
 
     anchor = np.array([cell.places[name] for name in table.anchor])
     along = cell.kinematics.tip(table.q, cell.theta)[0] - anchor
@@ -44,7 +44,7 @@ def test_a_ball_bar_is_as_long_as_it_is_and_leans_no_more_than_allowed(cell, rng
 def test_a_tool_comes_to_a_socket_within_the_cone(cell, rng):
     steep = replace(cell, devices={"contact": Device(max_tilt=np.radians(20))})
 
-    table = measurements(steep, "contact", rng, 30)
+    table = measurements(steep, "contact", rng, 30)[0]
 
     R = cell.kinematics.tip(table.q, cell.theta)[1]
     assert np.degrees(np.arccos(-R[:, 2, 2])).max() < 20.01
@@ -54,7 +54,7 @@ def test_a_tracker_sees_the_tip_in_its_box_alone(cell, rng):
     box = np.array([[0.0, 400.0], [0.0, 300.0], [100.0, 300.0]])
     seen = replace(cell, devices={"position": Device(box=box)})
 
-    point = measurements(seen, "position", rng, 30).point
+    point = measurements(seen, "position", rng, 30)[0].point
 
     assert (point >= box[:, 0]).all()
     assert (point <= box[:, 1]).all()
@@ -64,7 +64,7 @@ def test_further_tools_and_placements_take_part_as_the_first_ones_do(cell, rng):
     frame = np.array([30.0, 0.0, 380.0, 0.0, 0.0, 0.0])
     several = replace(cell, tools={"smr2": frame}, placements={"second": cell.base + np.array([50.0, 0, 0, 0, 0, 0])})
 
-    table = measurements(several, "position", rng, 80)
+    table = measurements(several, "position", rng, 80)[0]
 
     assert set(table.tool) == {"", "smr2"}
     assert set(table.placement) == {"", "second"}
