@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import version
+from inspect import signature
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from identify.model.files import InputError, nearest, read_sheet, read_text, sheet_text, write_text
+from oed.criteria.own import OwnCriterion
 from studies import STUDIES
 
 Task = Mapping[str, Any]
@@ -32,13 +34,21 @@ class Study:
 
     name: str
     module: ModuleType
+    criterion: OwnCriterion | None = None
 
     @classmethod
-    def named(cls, name: str) -> "Study":
-        """The study of a name; raises InputError where there is none."""
+    def named(cls, name: str, criterion: OwnCriterion | None = None) -> "Study":
+        """The study of a name, with a criterion of one's own; raises InputError where there is none."""
         if name not in STUDIES:
             raise InputError(f"there is no study '{name}'{nearest(name, STUDIES)}; choose one of {', '.join(STUDIES)}")
-        return cls(name, import_module(f"studies.{name}"))
+        module = import_module(f"studies.{name}")
+        if criterion is not None:
+            if "own" not in signature(module.tasks).parameters:
+                raise InputError(
+                    f"study '{name}' compares no criteria; --criterion goes with touchcal study strategies"
+                )
+            criterion.define()
+        return cls(name, module, criterion)
 
     @property
     def story(self) -> str:
@@ -57,7 +67,7 @@ class Study:
 
     def tasks(self, small: bool) -> list[dict[str, Any]]:
         """What there is to compute, in the order of the table."""
-        return list(self.module.tasks(small))
+        return list(self.module.tasks(small, **({} if self.criterion is None else {"own": vars(self.criterion)})))
 
     def answer(self, table: Table) -> str:
         """The answer in words, with numbers of the table."""

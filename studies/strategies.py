@@ -13,6 +13,7 @@ leave 0.062. Sequential planning gains 3 to 7 % more (0.100, 0.080, 0.057). Then
 O2, O3 and O4 leave 1.4 to 1.9 times as much as V. Even and random touches leave 1.8 to 5.9 times as much.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from identify.estimation.calibrate import calibrate
 from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, picture
 from oed.criteria.criteria import CRITERIA
+from oed.criteria.own import OwnCriterion
 from oed.planning.candidate_set import candidate_set, plan_of
 from oed.planning.plan import COUNT, plan
 from oed.planning.strategies import Setting
@@ -34,19 +36,30 @@ ROBOTS, SEQUENTIAL = 200, 20
 OTHERS = ("even", "random", "sequential")
 
 
-def tasks(small: bool) -> list[dict[str, Any]]:
-    """Every strategy at every number of touches."""
+def tasks(small: bool, own: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
+    """Every strategy at every number of touches; a criterion of one's own beside even touches and V alone."""
     names, numbers = [*OTHERS[:2], *CRITERIA, *OTHERS[2:]], list(NUMBERS)
-    if small:
-        names, numbers = ["even", "V"], [33]
+    if small or own:
+        names, numbers = ["even", "V"], numbers[:1] if small else numbers
+    if own:
+        names.append(OwnCriterion(**own).define().name)
     robots = {"sequential": SEQUENTIAL}
     size = {"robots": 3, "offered": FEW} if small else {"robots": ROBOTS, "offered": COUNT}
     some = {name: size if small else size | {"robots": robots.get(name, ROBOTS)} for name in names}
-    return [{"name": name, "n": n, **some[name]} for name in names for n in numbers]
+    further = {"own": own} if own else {}
+    return [
+        {"name": name, "n": n, **some[name], **(further if name == names[-1] else {})}
+        for name in names
+        for n in numbers
+    ]
 
 
-def run(rng: np.random.Generator, name: str, n: int, robots: int, offered: int) -> list[dict[str, Any]]:
+def run(
+    rng: np.random.Generator, name: str, n: int, robots: int, offered: int, own: Mapping[str, str] | None = None
+) -> list[dict[str, Any]]:
     """One row a robot: its tip error in the zone after calibration."""
+    if own:
+        OwnCriterion(**own).define()  # of the process that computes
     cell = arc_welder()
     theta = draw_many(cell, robots, rng)
     errors = _sequential(rng, n, theta, offered) if name == "sequential" else _at_once(rng, name, n, theta, offered)

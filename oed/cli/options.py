@@ -8,7 +8,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from runpy import run_path
 from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -144,27 +143,6 @@ def load_cell(path: Path) -> "Cell":
     if not path.exists():
         raise InputError(f"{path}: no such file; describe the cell there, or name it with --cell FILE")
     return read_cell(path)
-
-
-def own_criterion(name: str) -> str:
-    """The name of a criterion; FILE.py:NAME is run and put into the table. Raises InputError where there is none."""
-    file, colon, variable = name.rpartition(":")
-    if not colon or not file.endswith(".py"):
-        return name
-    from oed.criteria.criteria import CRITERIA
-    from oed.criteria.criterion import Criterion
-
-    if not Path(file).is_file():
-        raise InputError(f"{file}: no such file; --criterion takes a name, or FILE.py:NAME")
-    try:
-        value = run_path(file).get(variable)
-    except Exception as error:
-        raise InputError(f"{file}: {type(error).__name__}: {error}") from None
-    if not isinstance(value, Criterion):
-        what = "nothing" if value is None else f"a {type(value).__name__}"
-        raise InputError(f"{file}: {variable} is {what}, expected a criterion such as PowerMean(...)")
-    CRITERIA[value.name] = value
-    return value.name
 
 
 def numbers(text: str, count: int, what: str) -> np.ndarray:

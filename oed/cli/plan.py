@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import digest, write_json, write_text
-from oed.cli.options import IDENTIFY, CellFile, Flag, Json, Output, Seed, load_cell, own_criterion, print_json
+from oed.cli.options import IDENTIFY, CellFile, Flag, Json, Output, Seed, load_cell, print_json
 from oed.cli.plans.kinds import KindsChoice, plan_of_kinds
 from oed.cli.plans.workpiece import plan_of_workpiece
 from oed.cli.screen.progress import progress
@@ -93,10 +93,12 @@ def plan(
         Where the plan is written.
     """
     from identify.model.io.calibration_file import read_calibration
+    from oed.criteria.own import OwnCriterion
     from oed.planning.plan import plan
 
     described = load_cell(cell)
-    choice = replace(choice, criterion=own_criterion(choice.criterion))
+    own = OwnCriterion.named(choice.criterion)
+    choice = choice if own is None else replace(choice, criterion=own.define().name)
     if _planned_otherwise(choice, body, described, cell, after, output, seed, json):
         return
     calibration = None if after is None else read_calibration(after)

@@ -24,6 +24,7 @@ def study(
     tls_ca_file: str | None = None,
     tls_cert: str | None = None,
     tls_key: str | None = None,
+    criterion: str | None = None,
     seed: Seed = 0,
     json: Json = False,
 ) -> None:
@@ -35,6 +36,7 @@ def study(
         touchcal study
         touchcal study observability --small
         touchcal study strategies --scheduler tcp://192.168.0.10:8786
+        touchcal study strategies --criterion own.py:K2
 
     Parameters
     ----------
@@ -55,7 +57,11 @@ def study(
         The certificate of this machine.
     tls_key
         Its key.
+    criterion
+        FILE.py:NAME, a criterion of your own that a Python file defines (studies/examples/own_criterion.py): the study
+        strategies compares touches planned by it with those planned by V and with even ones. 200 robots make each set.
     """
+    from oed.criteria.own import OwnCriterion
     from studies import STUDIES
     from studies.engine import Study, evaluate, write_results
 
@@ -63,8 +69,13 @@ def study(
         questions = {study_name: Study.named(study_name).question for study_name in STUDIES}
         print_json(questions) if json else print("\n".join(f"{k:15}{q}" for k, q in questions.items()))
         return
-    study = Study.named(name)
-    folder = Path(f"study-{name}") if output is None else output
+    own = None if criterion is None else OwnCriterion.named(criterion)
+    if criterion is not None and own is None:
+        raise InputError(
+            f"--criterion is '{criterion}', expected FILE.py:NAME; the study compares published ones anyway"
+        )
+    study = Study.named(name, own)
+    folder = Path(f"study-{name}" + (f"-{own.variable}" if own else "")) if output is None else output
     if study.alone and not scheduler:
         processes = processes or 1
     with _compute(processes, scheduler, (tls_ca_file, tls_cert, tls_key)) as using, progress(not json) as say:

@@ -8,4 +8,5 @@ In the order in which data walks through:
     eigenvalues        criteria of the eigenvalues of the information: O1 to O5, D, E
     variances          criteria of predicted variances: A, V, G
     criteria           the table: published functions, one row each
+    own                criteria of one's own, defined by a Python file
 """

@@ -21,7 +21,7 @@ K2 = PowerMean("K2", 0.5, "rotation", "Kiefer 1974", k2, exponent=2.0)
 
 
 def main() -> None:
-    """Plan by it and by V, and compare both by both; touchcal plan --criterion own_criterion.py:K2 does the first."""
+    """Plan by it and by V and compare; touchcal study strategies --criterion own_criterion.py:K2 does by 200 robots."""
     oed.CRITERIA[K2.name] = K2
     cell = identify.read_cell(identify.library("cells")["arc-welder"])
     near, link = (3.0, np.radians(0.5)), (1.0, np.radians(0.3))  # 1 sigma [mm, rad]: few touches miss
