@@ -5,10 +5,12 @@ its place. Every command is followed by a message that GRBL echoes when it gets 
 between and prints again when asked.
 
 GRBL has no checksums either. So a target is first written as a tool offset (G43.1, which moves nothing and is forgotten
-at a reset) with feed and modes, read back (`$#`, `$G`), and sent again where GRBL understood something else. The motion
+at a reset) with the modes, read back (`$#`, `$G`), and sent again where GRBL understood something else. The motion
 itself is to zero: of its line a lost byte is an error, and a changed digit leads less than one axis unit astray, which
-the watch on the motion ends. A GRBL without tool offsets on all axes is driven slowly enough for the watch alone.
-Moves are guarded like searches, but for those that begin in contact. There is no deadman: the host stops the robot. `$`
+the watch on the motion ends. Its feed is the inverse of its time (G93): a GRBL that started anew just before it leads
+to another zero, but as slowly, because it takes the feed for axis units a minute. A GRBL without tool offsets on all
+axes is driven slowly enough for the watch alone. Moves are guarded like searches, but for those that begin in contact.
+There is no deadman: the host stops the robot. `$`
 settings are never written; `$X` and `$H` only on request.
 """
 
@@ -26,8 +28,10 @@ from probe.controllers.grbl_words import (
     Probe,
     Report,
     axis_words,
+    inverse_feed,
     numbers,
     offset,
+    read_modes,
     read_probe,
     refusal,
     trigger,
@@ -164,10 +168,7 @@ class Grbl:
         start, end = before.q / self._degree, q / self._degree
         degrees = float(np.degrees(rate)) if self._checks else min(float(np.degrees(rate)), SLOW)
         seconds = max(float(np.abs(end - start).max()) / degrees, self._reports(0.0)[1])
-        poll = self._reports(seconds)[0]
-        line = self._prepared(
-            word, q / self._unit, max(60.0 * float(np.linalg.norm((q - before.q) / self._unit)) / seconds, 1.0)
-        )
+        line, seconds = self._prepared(word, before.q / self._unit, q / self._unit, seconds)
         watch = Watch(start, end, degrees, self.link.clock, from_contact=before.contact, off=OFF)
 
         def astray(report: Report) -> str:
@@ -175,7 +176,7 @@ class Grbl:
             return watch.objection(report.position * self._unit / self._degree, report.probe, stands=stands)
 
         try:
-            lines = self.link.told(line, seconds + SLACK, astray, poll)
+            lines = self.link.told(line, seconds + SLACK, astray, self._reports(seconds)[0])
         except LinkLost:
             self.link.patiently(self.link.halt)
             self.link.same_boot()
@@ -194,14 +195,20 @@ class Grbl:
         probes = [probe for line in again if (probe := read_probe(line, self.joints))]
         return probes[0] if {probe.text for probe in probes} == set(heard) else None
 
-    def _prepared(self, word: str, target: Float[np.ndarray, " joints"], feed: float) -> str:
-        """The line that begins a motion [axis units, axis units/min], once GRBL has understood its target."""
+    def _prepared(
+        self, word: str, start: Float[np.ndarray, " joints"], target: Float[np.ndarray, " joints"], seconds: float
+    ) -> tuple[str, float]:
+        """The line that begins a motion [axis units], once GRBL has understood its target; and how long it takes."""
         if not self._checks:
-            return f"G90G94{word}{axis_words(target)}F{feed:.3f}"
+            feed = max(60.0 * float(np.linalg.norm(target - start)) / seconds, 1.0)
+            return f"G90G94{word}{axis_words(target)}F{feed:.3f}", seconds
+        feed = inverse_feed(seconds)
+        if 60.0 / feed < seconds - 1e-6:
+            raise Refused("SYNTAX", f"a motion of {seconds:.0f} s is too slow for GRBL")
         until = self.link.clock.now() + self.link.clock.at_least(ASKING, ASKING)
         while self.link.clock.now() < until:
-            if self.link.patiently(lambda: self._understood(target, feed)):
-                return trigger(word, self.joints, feed, self.link.speed)
+            if self.link.patiently(lambda: self._understood(target)):
+                return trigger(word, self.joints, feed, self.link.speed), 60.0 / feed
         raise Refused("LOST", DISTURBED)
 
     def _reports(self, seconds: float) -> tuple[float, float]:
@@ -217,24 +224,17 @@ class Grbl:
         """Whether GRBL says which tool offset it has understood; raises Refused where the line is too disturbed."""
         until, refused = self.link.clock.now() + self.link.clock.at_least(ASKING, ASKING), 0
         while self.link.clock.now() < until:
-            lines = self.link.told(offset(np.zeros(self.joints), 100.0))
+            lines = self.link.told(offset(np.zeros(self.joints)))
             refused = refused + 1 if NO_OFFSETS.intersection(lines) else 0
             if refused > 1:
                 return False
-            if self._understood(np.full(self.joints, 0.001 * (1 + secrets.randbelow(999))), 100.0):
+            if self._understood(np.full(self.joints, 0.001 * (1 + secrets.randbelow(999)))):
                 return True
         raise Refused("LOST", DISTURBED)
 
-    def _understood(self, target: Float[np.ndarray, " joints"], feed: float) -> bool:
-        """Write target and feed without a motion, and see whether GRBL has them."""
-        self.link.told(offset(target, feed, f"S{self.link.speed}"))
-        tools = [match for line in self.link.told("$#") if (match := OFFSETS.fullmatch(line)) and match[1] == "TLO"]
-        modes = self.link.modes()
-        fed = [float(word[1:]) for word in modes if word.startswith("F") and word[1:].replace(".", "", 1).isdecimal()]
-        return (
-            len(tools) == 1
-            and np.array_equal(numbers(tools[0][2]), np.round(target, 3) + 0.0)
-            and {"G21", "G91", "G94"} <= set(modes)
-            and len(fed) == 1
-            and abs(fed[0] - feed) <= max(1.0, 0.01 * feed)
-        )
+    def _understood(self, target: Float[np.ndarray, " joints"]) -> bool:
+        """Write the target without a motion, and see whether GRBL has it."""
+        lines = self.link.told(offset(target, f"S{self.link.speed}") + "\n$#\n$G")
+        tools = [match[2] for line in lines if (match := OFFSETS.fullmatch(line)) and match[1] == "TLO"]
+        known = len(tools) == 1 and np.array_equal(numbers(tools[0]), np.round(target, 3) + 0.0)
+        return known and {"G21", "G91", "G93"} <= set(read_modes(lines))

@@ -6,7 +6,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from probe.controllers.grbl_words import SAID, Report, numbers, offset, read_report, refusal
+from probe.controllers.grbl_words import SAID, Report, numbers, offset, read_modes, read_report, refusal
 from probe.line.clock import Clock
 from probe.line.controller import LinkLost, Rebooted, Refused
 from probe.line.framing import Lines
@@ -213,11 +213,6 @@ class GrblLink:
         """The spindle speed that keeps the boot; 0 where something else keeps it."""
         return int(self.boot[1:]) if self._kept and self.boot.startswith("S") else 0
 
-    def modes(self) -> list[str]:
-        """The words of the parser state."""
-        modes = " ".join(line for line in self.told("$G") if line.startswith("[GC:"))
-        return modes.removeprefix("[GC:").rstrip("]").split()
-
     def patiently(self, call: Callable[[], T]) -> T:
         """Call, and where the line is silent or gone open it anew and call again; raises LinkLost in the end."""
         return patiently(call, self._reopen, self.clock, self.patience)
@@ -233,10 +228,10 @@ class GrblLink:
 
     def _keep_boot(self) -> None:
         if self._kept:
-            self.told(offset(np.zeros(self.joints), 1.0, self.boot))
+            self.told(offset(np.zeros(self.joints), self.boot))
 
     def _held(self, word: str) -> int:
-        values = [mode[1:] for mode in self.modes() if mode.startswith(word)]
+        values = [mode[1:] for mode in read_modes(self.told("$G")) if mode.startswith(word)]
         return int(float(values[0])) if values and values[0].replace(".", "", 1).isdecimal() else 0
 
     def _started_anew(self) -> NoReturn:
@@ -257,10 +252,9 @@ class GrblLink:
         until = self.clock.now() + seconds
         while True:
             data = self.transport.read(self.clock.real(until - self.clock.now()))
-            for line in self._lines.feed(data):
-                text = line.decode("latin-1").strip()
-                if text.lower().startswith("grbl") and self.boot and not greeting:
-                    self._started_anew()
-                yield text
+            texts = [line.decode("latin-1").strip() for line in self._lines.feed(data)]
+            if self.boot and not greeting and any(text.lower().startswith("grbl") for text in texts):
+                self._started_anew()  # whoever waits for an earlier line would not come to the greeting
+            yield from texts
             if self.clock.now() >= until:
                 return

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 AXES = "XYZABCUVW"
+TENTHS = 10.0  # [motions/min] below which a feed has a decimal: a lost point makes it ten times faster
 REPORT = re.compile(r"<(\w+)(?::\d+)?\|.*>")
 PROBE = re.compile(r"\[PRB:([-+.,\d]+):([01])\]")
 OFFSETS = re.compile(r"\[(G5[4-9]|G59\.[1-3]|G92|TLO):([-+.,\d]+)\]")
@@ -68,6 +69,11 @@ def read_probe(line: str, joints: int) -> Probe | None:
     return Probe(line, position, match[2] == "1")
 
 
+def read_modes(lines: list[str]) -> list[str]:
+    """The words of the parser state that `$G` prints."""
+    return " ".join(line.removeprefix("[GC:").rstrip("]") for line in lines if line.startswith("[GC:")).split()
+
+
 def refusal(line: str) -> tuple[str, str] | None:
     """Code and words of an error or an alarm; None where the line is neither."""
     if line in ALARMS:
@@ -83,23 +89,33 @@ def axis_words(values: Float[np.ndarray, " joints"]) -> str:
     return "".join(f"{axis}{value:.3f}" for axis, value in zip(AXES, values, strict=False))
 
 
-def offset(target: Float[np.ndarray, " joints"], feed: float, more: str = "") -> str:
-    """A line that moves nothing: the target as a tool offset [axis units], and the feed [axis units/min].
+def offset(target: Float[np.ndarray, " joints"], more: str = "") -> str:
+    """A line that moves nothing: the target as a tool offset [axis units].
 
-    All in one line: next to G43.1 axis words are no motion, and a G that became a C is a second C, an error. What
-    a digit leaves of the line when it becomes Ctrl-X, a reset, or begins a comment, is an error too: G4 needs its P,
-    and P its G4. From now on positions are relative (G91), for `trigger`.
+    All in one line: next to G43.1 axis words are no motion, and a G that became a C or an F is a second one, an error.
+    What a digit leaves of the line when it becomes Ctrl-X, a reset, or begins a comment, is an error too: G4 needs its
+    P, and P its G4. From now on positions are relative (G91) and feeds are per motion (G93), for `trigger`.
     """
-    return f"G4G43.1G21G91G94F{feed:.3f}{more}{axis_words(target)}P.0"
+    return f"G4G43.1G21G91G93F1.{more}{axis_words(target)}P.0"
 
 
 def trigger(word: str, joints: int, feed: float, speed: int = 0) -> str:
-    """A motion to zero, which the tool offset makes the target.
+    """A motion to zero, which the tool offset makes the target; `feed` motions a minute, in tenths.
+
+    A GRBL that has started anew just before has forgotten offset and modes: zero is another target there, and the feed
+    [axis units/min] so slow that the watch stops the robot as it stops one that a changed digit leads astray.
 
     Every number is written `.0`: a byte lost is then an error, and a digit changed is off by less than one axis unit.
     Zero is the target for G90 only, the last word: a line that was cut short, whatever comes behind it, leads by zero
-    from where the robot stands. Feed and `speed` of the spindle, which is off, are said once more: a G that became an
-    F, or a C that became an S, is then a second one, an error. What is left is a guarded motion to the right target at
+    from where the robot stands. The `speed` of the spindle, which is off, is said once more: a G that became an F, or
+    a C that became an S, is then a second one, an error. What is left is a guarded motion to the right target at
     another speed.
     """
-    return f"S{speed}.F{feed:.0f}." + "".join(f"{axis}.0" for axis in AXES[:joints]) + f"{word}G90"
+    fed = f"{feed:.0f}." if feed >= TENTHS else f"{feed:.1f}"
+    return f"S{speed}.F{fed}" + "".join(f"{axis}.0" for axis in AXES[:joints]) + f"{word}G90"
+
+
+def inverse_feed(seconds: float) -> float:
+    """The feed of a motion of at least so long [motions/min], with the digits that `trigger` writes."""
+    scale = 1 if seconds <= 60 / TENTHS else 10
+    return max(np.floor(60 / seconds * scale + 1e-9), 1.0) / scale

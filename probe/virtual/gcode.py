@@ -8,6 +8,7 @@ OFFSETS = {"G43.1", "G49"}
 MODES = {"G17", "G21", "G40", "G54", "G80", "G94", "G90", "G91", "G93"}
 MOTIONS = {"G0", "G1", "G38.2", "G38.3"}
 NOT_A_NUMBER, NOT_A_LETTER, UNSUPPORTED, TWO_MOTIONS, TWICE, NO_AXES, NO_TOOL = 2, 1, 20, 21, 25, 26, 38
+NO_FEED = 22  # but for G0 and G80
 NO_MOTION = 31  # axis words after G80, those of an offset too
 MISSING = 28  # G4 without P
 UNUSED = 36  # a word that nothing in the line uses

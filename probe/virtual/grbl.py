@@ -8,6 +8,7 @@ What it does as the real one does, so that a host learns to live with it:
 * In alarm every G-code and every message is `error:9` until `$X`, `$H` or, after a limit (`ALARM:2`), a reset.
 * The probe input is not watched during G0 and G1: a robot driven into the jig goes on. There is no deadman either.
 * Positions have three decimals; F counts the length of the move over all axes; axis units are chosen by the user.
+* Of a line in error nothing is taken over. A motion without a feed (at the start, or F0) is one: `error:22`.
 * After G80 axis words are an error, those of G43.1 too; G4 may stand beside a motion.
 * `(MSG,tag)` comes back as `[MSG:tag]`. Real-time bytes `?`, `!`, `~` and Ctrl-X act at once, whatever is in the line.
 * `T` names a tool, `$G` tells it, and a reset forgets it; so for `S`, the speed of a spindle that is off. G43.1 shifts
@@ -27,7 +28,7 @@ import re
 import numpy as np
 from jaxtyping import Float
 
-from probe.virtual.gcode import NO_MOTION, Block, read_block
+from probe.virtual.gcode import NO_FEED, NO_MOTION, Block, read_block
 from probe.virtual.grbl_state import AXES, BANNER, LATE, LONGEST, OKAY, QUEUE, RAPID, REALTIME, GrblState, Queued, error
 from probe.virtual.records import CONTACT, MOVE, NEVER, SEARCH, Outcome
 
@@ -143,10 +144,14 @@ class GrblController(GrblState):
         motion = block.motion or self.motion
         if block.axes and motion == "G80":
             return [error(NO_MOTION)]
+        before, modes = self.modes["feed"], self.modes.copy()
         for g in block.modes:
-            self.modes |= {"distance": g} if g in ("G90", "G91") else {"feed": g} if g in ("G93", "G94") else {}
-        if self.modes["feed"] == "G94":
-            self.feed_rate = block.values.get("F", self.feed_rate)
+            modes |= {"distance": g} if g in ("G90", "G91") else {"feed": g} if g in ("G93", "G94") else {}
+        feed = block.values.get("F", self.feed_rate if before == modes["feed"] == "G94" else 0.0)
+        moves = block.motion or (block.axes and not block.offset)
+        if moves and motion not in ("G0", "G80") and feed <= 0:
+            return [error(NO_FEED)]
+        self.modes, self.feed_rate = modes, feed
         self.tool = self.tool if "tool-change" in self.quirks else int(block.values.get("T", self.tool))
         self.speed = int(block.values.get("S", self.speed))
         self.motion = motion
@@ -157,7 +162,7 @@ class GrblController(GrblState):
             return self._push(Queued("G4", seconds=block.values.get("P", 0.0)))
         if not block.axes:
             return [OKAY]
-        return self._move(np.array([block.axes.get(axis, np.nan) for axis in AXES[: len(self.unit)]]), block.values)
+        return self._move(np.array([block.axes.get(axis, np.nan) for axis in AXES[: len(self.unit)]]))
 
     def _shift(self, block: Block) -> list[bytes]:
         """Take or clear a tool offset."""
@@ -167,7 +172,7 @@ class GrblController(GrblState):
         self.offset = np.array([block.axes.get(a, k) for a, k in zip(AXES, offset, strict=False)])
         return [OKAY]
 
-    def _move(self, axes: Float[np.ndarray, " joints"], values: dict[str, float]) -> list[bytes]:
+    def _move(self, axes: Float[np.ndarray, " joints"]) -> list[bytes]:
         robot = self.robot.cell.robot
         here = robot.to_controller(self._planned) / self.unit
         wanted = (
@@ -175,10 +180,6 @@ class GrblController(GrblState):
             if self.modes["distance"] == "G91"
             else np.where(np.isnan(axes), here, axes + self.offset)
         )
-        inverse = self.modes["feed"] == "G93"
-        feed = values.get("F", 0.0) if inverse else self.feed_rate
-        if self.motion != "G0" and feed <= 0:
-            return [error(22)]
         if "same-place" in self.quirks and self.motion.startswith("G38") and np.allclose(wanted, here, atol=1e-6):
             return [error(33)]
         target = robot.from_controller(wanted * self.unit)
@@ -187,7 +188,8 @@ class GrblController(GrblState):
             self._queue.clear()
             self.robot.stop("LIMIT")
             return [b"ALARM:2\r\n", b"[MSG:Reset to continue]\r\n"]
-        seconds = 60 / feed * (1.0 if inverse else float(np.linalg.norm(wanted - here))) if self.motion != "G0" else 0.0
+        lengths = 1.0 if self.modes["feed"] == "G93" else float(np.linalg.norm(wanted - here))
+        seconds = 60 / self.feed_rate * lengths if self.motion != "G0" else 0.0
         farthest = float(np.max(np.abs(wanted - here) * self.unit))
         return self._push(Queued(self.motion, target, np.radians(farthest / seconds) if seconds else RAPID))
 

@@ -76,7 +76,7 @@ def _waits_for_ever() -> Any:
 
 
 def _trusts_the_line() -> Any:
-    return patch.object(Grbl, "_understood", lambda self, target, feed: self.link.told("G21") is not None)
+    return patch.object(Grbl, "_understood", lambda self, target: self.link.told("G21") is not None)
 
 
 @contextmanager

@@ -52,7 +52,7 @@ def test_every_alarm_has_a_code_and_its_own_number_in_the_words():
 def test_a_target_is_an_offset_that_moves_nothing_and_the_motion_goes_to_zero(rng):
     target = rng.uniform(-180, 180, 6).round(3)
 
-    still, motion = (read_block(line, "XYZABC") for line in (offset(target, 600.0), trigger("G38.3", 6, 600.0)))
+    still, motion = (read_block(line, "XYZABC") for line in (offset(target), trigger("G38.3", 6, 20.0)))
 
     assert isinstance(still, Block)
     assert (still.motion, still.dwell, still.offset) == ("", True, "G43.1")
@@ -62,9 +62,9 @@ def test_a_target_is_an_offset_that_moves_nothing_and_the_motion_goes_to_zero(rn
     assert set(motion.axes.values()) == {0.0}
 
 
-@pytest.mark.parametrize("at", range(len(trigger("G38.3", 6, 600.0))))
+@pytest.mark.parametrize("at", range(len(trigger("G38.3", 6, 20.0))))
 def test_a_motion_that_lost_a_byte_is_an_error_or_goes_to_the_same_place(at):
-    line = trigger("G38.3", 6, 600.0)
+    line = trigger("G38.3", 6, 20.0)
 
     block = read_block(line[:at] + line[at + 1 :], "XYZABC")
 
@@ -74,7 +74,7 @@ def test_a_motion_that_lost_a_byte_is_an_error_or_goes_to_the_same_place(at):
 
 @pytest.mark.parametrize("word", ["G1", "G38.3"])
 def test_a_motion_that_lost_its_end_is_an_error_or_relative_to_where_the_robot_stands(word):
-    line = trigger(word, 6, 600.0)
+    line = trigger(word, 6, 20.0)
     for at in range(len(line)):
         for rest in ("", "G4P.01"):  # what is sent next
             block = read_block(line[:at] + rest, "XYZABC")

@@ -26,6 +26,9 @@ def test_no_schedule_makes_a_wrong_touch_or_a_wrong_motion(bench: Bench, backend
 REPLAYED = {
     "a motion that GRBL held, its reset lost on the line, kept every later run out": ("grbl", 141),
     "a GRBL that started anew just before a motion had forgotten its target": ("grbl", 445),
+    "so had one that started anew once its target was read back": ("grbl", 4908),
+    "and one in contact, whose retract then led elsewhere": ("grbl", 5887),
+    "and one before a search": ("grbl", 7408),
     "a motion slowed down for the watch, and asked about often, was taken for a robot that stands": ("grbl", 4411),
     "a motion was over for the driver whose wait was spoiled, where the first reports of a motion say Idle": (
         "grbl",
