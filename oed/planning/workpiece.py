@@ -102,7 +102,7 @@ def best_in_order(
 
 
 def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
-    """What is known of the robot as the workpiece sees it, which may stand off and turned by the base's tolerances.
+    """What is known of the robot as the workpiece sees it: the base's pose there is off by the cell's tolerances.
 
     After a calibration, the base as it was calibrated is an unknown beside the base as the workpiece sees it: both
     share what the calibration leaves open of the base together with the links.
@@ -120,7 +120,7 @@ def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
     T[range(6, 6 + len(links)), links] = 1.0
     T[range(6 + len(links), len(T)), base] = 1.0
     covariance = T @ C @ T.T
-    covariance[:6, :6] += _tolerance(placed, placed.base)
+    covariance[:6, :6] += np.diag(np.repeat(placed.priors.base, 3) ** 2)
     calibrated = [
         Shared(
             f"{CALIBRATED}{after.estimated[k]}",
@@ -145,18 +145,6 @@ def _seen_from(placed: Cell, after: Calibration) -> Float[np.ndarray, "6 6"]:
     steps = STEP * np.concatenate([np.eye(6), -np.eye(6)])
     moved = pose(workpiece_T_jig @ transform(after.theta[:6] + steps))
     return np.asarray((moved[:6] - moved[6:]).T / (2 * STEP))
-
-
-def _tolerance(cell: Cell, base: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "6 6"]:
-    """Covariance of the base's pose as the workpiece sees it: the workpiece may stand off and turned about itself."""
-    point = cell.the_jig.corners
-    middle = (point.min(axis=0) + point.max(axis=0)) / 2
-    to_middle = transform(np.concatenate([middle, np.zeros(3)]))
-    seen = inverse(to_middle) @ transform(base)
-    steps = STEP * np.concatenate([np.eye(6), -np.eye(6)])
-    moved = pose(to_middle @ transform(steps) @ seen)
-    A = (moved[:6] - moved[6:]).T / (2 * STEP)
-    return A * np.repeat(cell.priors.base, 3) ** 2 @ A.T
 
 
 def corner_rows(prior: Information, after: Calibration | None) -> Float[np.ndarray, "corners 3 unknowns"]:
