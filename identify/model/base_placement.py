@@ -24,6 +24,7 @@ STARTS = 5  # of the inverse kinematics, for each target
 SAMPLES = 2000  # postures that tell how far an arm reaches
 MARGIN = 50.0  # [mm] of the zone around the jig, to the sides and above
 TORCH, TORCH_SHARE, TORCH_BEND = 350.0, 0.4, -18 * DEG  # [mm] out of the flange, of the reach at most; the neck's bend
+STEEP = -45 * DEG  # bend of a torch that an arm of fewer than six joints cannot lean itself
 TOUCHING = 1.0  # [mm] by which solids may overlap that stand on each other
 STRAIGHT = 1e-6  # sine of an angle that is none
 ALIKE = 0.02  # share of targets by which places are as good as each other
@@ -32,7 +33,7 @@ ALIKE = 0.02  # share of targets by which places are as good as each other
 PARKED = 150.0  # [mm] over the highest face of the jig
 PARKED_STARTS = 64  # of its inverse kinematics
 TRIES = 8  # places whose touches are searched with collisions
-HARDLY = 0.3  # share of targets below which a place is no place
+HARDLY = 0.5  # of what is reached with the jig on the base link: a place from which less is reached is none
 SOME = 2  # touches on every face, of those searched for: enough
 
 Touchable = Callable[[Cell], Int[np.ndarray, " faces"]]  # feasible touches on each face of the jig
@@ -60,12 +61,13 @@ def starting_cell(
     length = round(min(TORCH, TORCH_SHARE * longest_reach(cell, rng)[0]), -1)
     tool = np.eye(4)
     tool[:3, :3] = _turn_to(outward)
-    cell = replace(cell, tool=pose(tool @ transform(np.array([0.0, 0.0, length, 0.0, TORCH_BEND, 0.0]))))
+    bend, why = (TORCH_BEND, "") if len(robot.joints) > 5 else (STEEP, ", so that it meets walls and tops alike")
+    cell = replace(cell, tool=pose(tool @ transform(np.array([0.0, 0.0, length, 0.0, bend, 0.0]))))
     placement = place_base(cell, rng, touches)
     notes = {
         "base": f"Of {placement.tried} places tried, from this one the torch reaches {100 * placement.share:.0f} % of "
         f"points on the jig and in the zone{'' if placement.clear else '; collisions aside'}.",
-        "tool": f"A torch of {length:.0f} mm, bent by {-TORCH_BEND / DEG:.0f} degrees: write yours.",
+        "tool": f"A torch of {length:.0f} mm, bent by {-bend / DEG:.0f} degrees{why}: write yours.",
         "priors": "Base and tool as the pendant teaches them: the jig as a user frame of three points, the tip by four "
         "postures.\n# With a tape measure: base_mm 10, base_deg 2, tool_mm 10, tool_deg 2. Links of an industrial arm "
         "that is built\n# by its drawing: length_mm 0.5, angle_deg 0.05 (Slamani, Nubiola, Bonev 2012).",
@@ -96,7 +98,7 @@ def place_base(cell: Cell, rng: np.random.Generator, touches: Touchable | None =
     position, R = _targets(cell, cell.the_jig, rng)
     places = _places(cell, cell.the_jig, rng)
     share = np.array([_share(replace(cell, base=base), position, R, rng) for base in places])
-    if share[:-1].max() > HARDLY:  # the jig stands on the base link only if that is all the chain allows
+    if share[:-1].max() > HARDLY * share[-1]:  # the jig stands on the base link only if that is all the chain allows
         places, share = places[:-1], share[:-1]
     middle = np.mean([places[i][:3] for i in np.flatnonzero(share >= share.max() - ALIKE)], axis=0)
     apart = np.linalg.norm(np.array(places)[:, :3] - middle, axis=1)

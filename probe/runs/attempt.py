@@ -9,6 +9,7 @@ from probe.runs.events import Recovered
 from probe.runs.records import APPROACH, CONTACT, RETRACTED, Reading
 from probe.runs.retreat import HOPELESS, Joints, Retreat
 
+LEGS = 8  # driven last, that are driven back where no way leads on
 FUTILE = {"LIMIT", "SYNTAX"}  # a second attempt would be answered alike
 
 
@@ -122,13 +123,29 @@ class Motion(Retreat):
 
     def _approach(self, target: Target, name: str) -> None:
         if self.apart(self.here, target.approach):
-            route = self.room.route(self.here, target.approach, list(target.via))
+            route = self.room.route(self.here, target.approach, list(target.via)) or self._retraced(target.approach)
             if not route:
                 hit = self.room.obstruction(self.here, target.approach, list(target.via))
                 raise InTheWay(f"no clear way was found: {hit}")
             for q in route:
-                self._move(q, name, "move", self.here, self.settings.move_speed)
+                start = self.here
+                self._move(q, name, "move", start, self.settings.move_speed)
+                self.trail.append((start, q))
         self._await_open()
+
+    def _retraced(self, goal: Joints) -> list[Joints]:
+        """Back over the legs last driven, to a place from which a way leads to the goal; empty where there is none.
+
+        A leg that was driven is clear, also where the robot as it is known by now seems to pass too near.
+        """
+        back: list[Joints] = []
+        for start, end in self.trail[: -LEGS - 1 : -1]:
+            if self.apart(back[-1] if back else self.here, end):
+                break
+            back.append(start)
+            if route := self.room.route(start, goal):
+                return [*back, *route]
+        return []
 
     def _search(self, target: Target, name: str, back: Joints) -> Success | Failure:
         """The search that counts, and the way back."""

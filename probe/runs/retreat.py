@@ -37,6 +37,7 @@ class Retreat:
         self.geometry = Geometry(session.cell, settings)
         self.room = Room(session.cell, [q for i in range(len(session.plan)) for q in session.plan.way(i)])
         self.here: Joints = np.full(controller.joints, np.nan)  # [rad] or [mm]
+        self.trail: list[tuple[Joints, Joints]] = []  # the legs between touches that were driven, the last one last
         self.boot = ""
 
     def retreat(self) -> None:

@@ -111,14 +111,14 @@ class _Tree:
         members = self.rigid(last)
         straight = [name for name in members if self.outward(name)[2] > STRAIGHT]
         by_name = [name for name in named if name in straight]
-        beyond = sorted(
+        beyond = [
             (round(self._distance(name), 6), len(self.climb(name)), name)
             for name in straight
             if self._distance(name) > 1e-6
-        )
-        if by_name or beyond:
-            flange = by_name[0] if by_name else beyond[0][-1]
-            return flange, "its z axis points out of the wrist"
+        ]
+        at_wrist = [(0.0, -len(self.climb(name)), name) for name in straight]  # rather a frame on the last link
+        if straight:
+            return by_name[0] if by_name else min(beyond or at_wrist)[-1], "its z axis points out of the wrist"
         behind = sorted(
             (round(self._distance(name), 6), name) for name in members if self._along(name) > self._along(last) + 1e-6
         )

@@ -15,6 +15,7 @@ from identify.model.files import InputError
 from identify.model.touch import Plan
 from probe.line.controller import Contact, InTheWay, LinkLost, NoContact, Rebooted, Refused, TouchError
 from probe.motion.joint_path import Geometry
+from probe.motion.room import Room
 from probe.motion.settings import Settings
 from probe.runs import events
 from probe.runs.delay import estimate_delay, without_delay
@@ -114,6 +115,24 @@ def test_a_robot_that_cannot_get_away_from_where_it_stands_is_not_moved(bench: B
     assert len(bench.status()) == made
     assert len(bench.world.truth) == made
     np.testing.assert_allclose(bench.world.q, bench.plan.approach[made - 1] if made else bench.world.motions[0][0])
+
+
+def test_a_robot_from_whose_place_no_way_leads_goes_back_over_the_legs_it_came(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    route, dead_end = Room.route, bench.plan.approach[3]
+    monkeypatch.setattr(
+        Room, "route", lambda room, a, *rest: [] if np.allclose(a, dead_end, atol=1e-6) else route(room, a, *rest)
+    )
+
+    finished = bench.run()
+
+    came_from = next(start for start, end in bench.world.motions if np.allclose(end, dead_end, atol=1e-6))
+    assert finished.hits == 8
+    assert any(
+        np.allclose(np.stack([start, end]), np.stack([dead_end, came_from]), atol=1e-5)
+        for start, end in bench.world.motions
+    )
 
 
 def far(geometry: Geometry, start: np.ndarray, end: np.ndarray) -> bool:
