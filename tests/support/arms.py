@@ -81,7 +81,7 @@ def urdf(
     further: str = "",
     bodies: str = "",
 ) -> str:
-    """The text of a URDF; joints that may turn by more than a turn are continuous where no limits are given."""
+    """The text of a URDF; a continuous joint has no limits."""
     rows, out, above = list(rows), [], base
     for i, (kind, xyz, rpy, *rest) in enumerate(rows, start=1):
         below = flange if i == len(rows) else links.format(i)
@@ -89,12 +89,14 @@ def urdf(
         if len(rest) == 3:
             moves += f'<limit lower="{rest[1]}" upper="{rest[2]}" effort="0" velocity="2.5"/>'
         out.append(
-            f"<link name={quoteattr(above)}>{bodies}</link>\n<joint name={quoteattr(joints.format(i))} type={quoteattr(kind)}>"
+            f"<link name={quoteattr(above)}>{bodies}</link>\n"
+            f"<joint name={quoteattr(joints.format(i))} type={quoteattr(kind)}>"
             f"<parent link={quoteattr(above)}/><child link={quoteattr(below)}/>"
             f"<origin xyz={_numbers(xyz)} rpy={_numbers(rpy)}/>{moves}</joint>\n"
         )
         above = below
-    return f'<?xml version="1.0"?>\n<robot name={quoteattr(name)}>\n{"".join(out)}<link name={quoteattr(above)}/>\n{further}</robot>\n'
+    end = f"<link name={quoteattr(above)}/>\n{further}</robot>\n"
+    return f'<?xml version="1.0"?>\n<robot name={quoteattr(name)}>\n{"".join(out)}{end}'
 
 
 def _numbers(values: Iterable[float]) -> str:
@@ -126,8 +128,10 @@ ARMS = {
     "ur5": urdf(UR5, "ur5"),
     "ur10": urdf(UR10, "ur10"),
     "irb2400": urdf([*IRB2400[:-1], (F, (0, 0, 0), (0, 0, 0))], "irb2400", flange="flange", further=PAIR),
-    "mh5": urdf(MH5, "mh5", joints="joint_{}", links="link_{}"),
-    "panda": urdf(PANDA, "panda", links="panda_link{}", joints="panda_joint{}", base="panda_link0", flange="panda_hand"),
+    "mh5": urdf(MH5, "mh5"),
+    "panda": urdf(
+        PANDA, "panda", links="panda_link{}", joints="panda_joint{}", base="panda_link0", flange="panda_hand"
+    ),
     "scara": urdf(SCARA, "scara"),
     "five": urdf(FIVE, "five"),
     "track": urdf(TRACK, "track"),
