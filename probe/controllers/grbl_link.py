@@ -49,7 +49,7 @@ class GrblLink:
         or takes longer than `seconds`.
         """
         tag, poll = f"t{secrets.token_hex(3)}", poll or self.poll
-        wait = "G4P.01\n" if watch else ""  # G1 is answered when it is queued: wait until the queue is empty
+        wait = "G4P.0\n" if watch else ""  # G1 is answered when it is queued: wait until the queue is empty
         # after an error grblHAL takes no G-code, a message neither, until an empty line
         self._send(f"{line}\n{wait}\n(MSG,{tag})\n".encode())
         lines, still, against, echoed, waited = list[str](), 0.0, 0, False, False

@@ -13,7 +13,7 @@ from probe.line.controller import LinkLost, Refused, TouchError
 from probe.line.watch import Watch
 
 POLL = 0.02  # [s]
-SETTLED = 0.04  # [s] without a change of position: LinuxCNC's task looks every 1 to 10 ms
+SETTLED = 0.02  # [s] without a change of position: the task of LinuxCNC looks every 1 to 10 ms
 STALLED = 2.5  # [s] between two looks at whether a motion goes on: a feed hold, or an override of 0
 SHOWN = 1.0  # [s] before a question to the parameters is asked again: another screen may have taken the answer
 ASKED = 5.0  # [s] before such questions are given up

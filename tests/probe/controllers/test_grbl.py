@@ -181,7 +181,7 @@ def test_a_search_is_a_guarded_motion_and_believed_when_it_is_printed_twice(cell
         "$#",
         "$G",
         "S0.F25.X.0Y.0Z.0A.0B.0C.0G38.3G90",
-        "G4P.01",
+        "G4P.0",
         "$#",
     ]
 
@@ -435,7 +435,7 @@ def spoils(line: bytes) -> Iterator[bytes]:
     for at in range(len(line) - 1):
         yield line[:at] + line[at + 1 :]
         yield line[:at] + b"\n"
-        yield line[:at] + b"G4P.01\n"  # what is sent next
+        yield line[:at] + b"G4P.0\n"  # what is sent next
         for bit in range(8):
             yield line[:at] + bytes([line[at] ^ 1 << bit]) + line[at + 1 :]
 

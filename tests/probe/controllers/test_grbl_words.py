@@ -76,7 +76,7 @@ def test_a_motion_that_lost_a_byte_is_an_error_or_goes_to_the_same_place(at):
 def test_a_motion_that_lost_its_end_is_an_error_or_relative_to_where_the_robot_stands(word):
     line = trigger(word, 6, 20.0)
     for at in range(len(line)):
-        for rest in ("", "G4P.01"):  # what is sent next
+        for rest in ("", "G4P.0"):  # what is sent next
             block = read_block(line[:at] + rest, "XYZABC")
 
             nowhere = isinstance(block, Block) and "G90" not in block.modes and not any(block.axes.values())
