@@ -125,9 +125,7 @@ class GrblLink:
         until = self.clock.now() + self.patience
         while self.report().state == "Hold" and self.clock.now() < until:
             self.clock.sleep(self.poll)
-            self._send(RESET)
-            for _ in self._listen(self.silence, greeting=True):
-                pass
+            self._reset()
 
     def settle(self, patience: float) -> None:
         """Wait until GRBL stands still and has said everything: a fresh message comes back."""
@@ -179,7 +177,9 @@ class GrblLink:
         raise self._silent()
 
     def unlock(self, command: str, seconds: float) -> None:
-        """Send $X or $H, which a locked GRBL obeys without echoing messages."""
+        """Send $X or $H, which a locked GRBL obeys without echoing messages; after a limit it obeys a reset only."""
+        if self.report().state == "Alarm":
+            self._reset()
         self._send(command.encode() + b"\n")
         until = self.clock.now() + seconds
         while self.clock.now() < until:
@@ -225,6 +225,11 @@ class GrblLink:
             self.same_boot()
         except LinkLost:
             self.clock.sleep(self.poll)
+
+    def _reset(self) -> None:
+        self._send(RESET)
+        for _ in self._listen(self.silence, greeting=True):
+            pass
 
     def _keep_boot(self) -> None:
         if self._kept:

@@ -307,6 +307,24 @@ def test_a_machine_behind_an_alarm_is_not_moved_but_unlocked_on_request(cell: Ce
         again.close()
 
 
+@pytest.mark.parametrize("option", ["unlock", "home"])
+def test_a_machine_behind_a_limit_is_reset_before_it_is_unlocked(
+    cell: Cell, plan: Plan, truth: Truth, option: str
+) -> None:
+    """The defect: after ALARM:2 GRBL hears nothing but a reset, and $X was not answered in any later run."""
+    with bench_of(cell, plan, truth) as bench:
+        with pytest.raises(Refused) as refusal:
+            bench.controller.move(cell.robot.upper + 0.1, bench.rate)
+        assert refusal.value.code == "LIMIT"
+        bench.controller.close()
+
+        again = opened(bench.served, cell, **{option: True})
+
+        assert again.state().homed
+        assert bench.executed() == []
+        again.close()
+
+
 def test_a_restart_is_noticed_by_its_greeting(cell: Cell, plan: Plan, truth: Truth) -> None:
     with bench_of(cell, plan, truth, "reboot@1") as bench:
         before = bench.controller.state().boot
