@@ -33,8 +33,11 @@ class Study:
     """A question and the script that answers it."""
 
     name: str
+    """One of STUDIES."""
     module: ModuleType
+    """Its script."""
     criterion: OwnCriterion | None = None
+    """One of one's own to compare, where the study compares criteria."""
 
     @classmethod
     def named(cls, name: str, criterion: OwnCriterion | None = None) -> "Study":

@@ -97,11 +97,13 @@ class Calibration:
     """A robot identified: its parameters, their covariance, and how far to trust them."""
 
     cell: Cell
+    """As it was used, with the joint errors that were chosen."""
     theta: Float[np.ndarray, " parameters"]
     """[mm, rad]."""
     start: Float[np.ndarray, " parameters"]
     """[mm, rad], nominal, or fitted in closed form where the cell says so."""
     estimated: tuple[str, ...]
+    """Names of the parameters that the measurements and the priors determine, in the order of `covariance`."""
     combinations: Mapping[str, Mapping[str, float]]
     """Eliminated name -> {estimated name: coefficient}, file units."""
     covariance: Float[np.ndarray, "estimated estimated"]
@@ -111,19 +113,25 @@ class Calibration:
     scatter_significant: bool
     """Whether chance does not explain its distance from 1 (chi-square, 1 %)."""
     weak: tuple[str, ...]
+    """Names of estimated parameters that the measurements hardly tell more of than their priors."""
     outliers: Mapping[str, float]
     """Id -> residual [mm]."""
     fit: Errors
+    """At the measurements used: no accuracy, since the fit has seen them."""
     held_out: Errors | None
     """None where no region could be spared."""
     residuals: Mapping[str, Residual]
+    """By id, before and after."""
     fingerprints: frozenset[str]
     """Of the measurements used, so that they are not used again to verify."""
     iterations: int
+    """Of Ipopt."""
     solve_s: float
+    """[s] that Ipopt took."""
     choice: tuple[Term, ...] = ()
     """Of the error models, where the data chose them."""
     findings: tuple[Finding, ...] = ()
+    """What is wrong with measurements or robot, in sentences."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of the files it was made from."""
     shared: tuple[SharedValue, ...] = ()

@@ -140,17 +140,25 @@ class Cell:
     """Everything that is known before the first touch."""
 
     robot: Robot
+    """Its chain of joints, as on the drawing, with its errors and how its controller counts."""
     jig: Jig | None
+    """None: what is measured has no faces."""
     base: Float[np.ndarray, " 6"] | None
     """[mm, rad], jig -> base; None: to be fitted."""
     tool: Float[np.ndarray, " 6"] | None
     """[mm, rad], flange -> tip; None: to be fitted."""
     wire: Wire = Wire()
+    """The end that touches."""
     touch: TouchSettings = TouchSettings()
+    """How touches are made, and their scatter."""
     zone: Zone | None = None
+    """Where accuracy counts; None: the box around the jig."""
     priors: Priors = Priors()
+    """Tolerances of base, tool, links and joint errors, 1 sigma."""
     controller: Controller = Controller()
+    """Port and protocol."""
     fixed: frozenset[str] = frozenset()
+    """Names of parameters that are not estimated."""
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """[mm] or [rad], by parameter name."""
     sources: Mapping[str, str] = field(default_factory=dict)
@@ -160,7 +168,9 @@ class Cell:
     tools: Mapping[str, Float[np.ndarray, " 6"] | None] = field(default_factory=dict)
     """Further wires or targets [mm, rad], flange -> tip as `tool` is; None: to be fitted."""
     points: Mapping[str, Point] = field(default_factory=dict)
+    """By name: sockets and anchors [mm], in the jig frame."""
     spacings: tuple[Spacing, ...] = ()
+    """Known distances between points [mm]."""
     devices: Mapping[str, Device] = field(default_factory=dict)
     """By kind of measurement; DEVICES for the others."""
     serial: str = ""

@@ -35,6 +35,7 @@ class Touches(Table):
     """Touches that happened: the joint values that the encoders read when the wire met a plane."""
 
     ids: tuple[str, ...]
+    """A name of each row, none twice."""
     face: tuple[str, ...]
     """Empty where the plane was given as numbers."""
     q: Float[np.ndarray, "touches joints"]
@@ -46,10 +47,13 @@ class Touches(Table):
     sigma: Float[np.ndarray, " touches"]
     """[mm], of the contact along the normal, not of the place of the face."""
     status: tuple[str, ...]
+    """One of STATUSES; fits use hits alone."""
     temperature: Float[np.ndarray, " touches"]
     """[degC], NaN where not read."""
     time: tuple[str, ...]
+    """When, as ISO 8601; empty where not recorded."""
     note: tuple[str, ...]
+    """Free text."""
     approach: Float[np.ndarray, "touches joints"] | None = None
     """[rad] or [mm] where the search began; NaN: not known."""
     placement: tuple[str, ...] | None = None
@@ -75,6 +79,7 @@ class Positions(Table):
     """Tip positions measured in the jig frame, or in that of a further placement, by a tracker for instance."""
 
     ids: tuple[str, ...]
+    """A name of each row, none twice."""
     q: Float[np.ndarray, "positions joints"]
     """[rad] or [mm]."""
     point: Float[np.ndarray, "positions 3"]
@@ -159,10 +164,13 @@ class Plan(Table):
     """Touches to be made: contact points on faces, and the joint values of contact and of approach."""
 
     ids: tuple[str, ...]
+    """A name of each row, none twice."""
     face: tuple[str, ...]
+    """Names of faces of the jig; empty where nothing is touched."""
     point: Float[np.ndarray, "touches 3"]
     """[mm], in the jig frame."""
     normal: Float[np.ndarray, "touches 3"]
+    """Outward, in the jig frame."""
     q: Float[np.ndarray, "touches joints"]
     """[rad] or [mm], at contact by the model the plan was made with."""
     approach: Float[np.ndarray, "touches joints"]

@@ -36,9 +36,13 @@ class Criterion(ABC):
     """
 
     name: str
+    """By which options and tables call it."""
     degree: float
+    """The value grows as information**degree."""
     keeps: Literal["ranking", "value", "rotation"]
+    """What other units or frames of the parameters do not change."""
     source: str
+    """Author and year of the publication."""
 
     per_touch: ClassVar[bool] = False
     """Whether the value is that of the information of one touch."""

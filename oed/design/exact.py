@@ -38,6 +38,7 @@ class ExactDesign:
     """Touches to make, their worth, and their share of the best that any touches could be worth."""
 
     criterion: str
+    """Its name."""
     indices: Members
     """Rows; the fixed ones first."""
     value: float
@@ -45,6 +46,7 @@ class ExactDesign:
     efficiency: float
     """Against the bound of `relaxation`, as a share of information; nan for O2 and O4."""
     relaxation: ApproximateDesign
+    """The weights and the bound that the touches are measured by."""
     searches: int
     """Local searches made."""
 

@@ -24,7 +24,9 @@ class ApproximateDesign:
     """Weights on the candidates, their worth, and what no admissible weights can beat."""
 
     criterion: str
+    """Its name."""
     weights: Float[np.ndarray, " candidates"]
+    """Of the candidates, 1 in all."""
     value: float
     """The criterion of prior + touches * sum of weight * row row'."""
     bound: float
@@ -32,6 +34,7 @@ class ApproximateDesign:
     gap: float
     """By how much the bound exceeds the value, as a share of information."""
     information: Float[np.ndarray, "parameters parameters"]
+    """prior + touches * sum of weight * row row'."""
     closeness: Float[np.ndarray, " candidates"]
     """What a candidate gains over what is needed to carry weight."""
     level: float
@@ -41,6 +44,7 @@ class ApproximateDesign:
     touches: int
     """That share the weights."""
     rounds: int
+    """Of column generation."""
 
 
 def approximate_design(

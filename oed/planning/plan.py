@@ -30,24 +30,31 @@ class PlanResult:
     """A plan, and what it promises."""
 
     plan: Plan
+    """The touches in the order in which they are made."""
     strategy: str
+    """optimal, even or random."""
     criterion: str
+    """Its name."""
     indices: dict[str, float]
     """Every criterion of the table, of these touches alone."""
     efficiency: float | None
     """Against the bound on what `efficiency_covers`; None where there is no bound."""
     efficiency_covers: str
-    """Candidates: the touches on offer that clear ways join, of which there are."""
+    """Candidates: the touches on offer that clear ways join."""
     joined: int
+    """Touches that clear ways join."""
     offered: int
     """Touches on offer, polished ones with them."""
     manifold: float | None
     """Efficiency against all touches that can be made, as far as `manifold_covers` says."""
     manifold_covers: str | None
+    """The touches that were looked at, in words; None where there is no such bound."""
     promise: Promise
+    """Tip error to expect in the zone [mm]."""
     curve: tuple[tuple[int, float], ...]
     """Numbers of touches, and the 95 % tip error in the zone to expect [mm]."""
     minutes: float
+    """That the run takes."""
     unseen: tuple[str, ...]
     """Sentences: what these touches cannot see, and what to add."""
     notes: tuple[str, ...]

@@ -60,3 +60,4 @@ class Settings:
     temperature: float | None = None
     """[degC] of the robot or the hall, noted with every touch."""
     note: str = ""
+    """Free text that stands with every touch of the run."""
