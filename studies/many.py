@@ -258,10 +258,11 @@ class Problem:
         hit: Bool[np.ndarray, "robots touches"],
         used: Bool[np.ndarray, "robots touches"],
     ) -> Bool[np.ndarray, "robots touches"]:
-        """Touches whose residual is within REJECT robust scatters."""
+        """Touches whose residual is within REJECT robust scatters; none of a robot without an estimate or a touch."""
         r, J = self.linearize(theta)
-        size = np.abs(r)
-        middle = np.nanmedian(np.where(used, size, np.nan), axis=1)
+        size, middle = np.abs(r), np.full(len(r), np.nan)
+        some = (used & np.isfinite(size)).any(axis=1)
+        middle[some] = np.nanmedian(np.where(used, size, np.nan)[some], axis=1)
         limit = REJECT * np.maximum(1.4826 * middle * np.sqrt(used.sum(axis=1) / self.freedom(J, used)), 1.0)
         return np.asarray(hit & (size <= limit[:, None]))
 

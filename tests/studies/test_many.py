@@ -8,7 +8,15 @@ from oracle import forward
 from virtual_support import make_plan
 
 from identify.model.cell import Wire
-from studies.many import draw_faces, draw_many, errors_in_zone, linear_identification, touch_every, touch_many
+from studies.many import (
+    calibrate_many,
+    draw_faces,
+    draw_many,
+    errors_in_zone,
+    linear_identification,
+    touch_every,
+    touch_many,
+)
 
 ROBOTS = 3
 
@@ -67,3 +75,16 @@ def test_errors_are_distances_of_tips(cell, plan):
     moved[0, :3] += [2.0, 3.0, 6.0]  # of the jig as seen by the base: the tip moves as far
 
     np.testing.assert_allclose(errors_in_zone(cell, cell.theta[None], moved, plan.q[:4]), np.full((1, 4), 7.0))
+
+
+def test_a_robot_without_a_touch_stays_as_drawn_and_others_are_identified_as_alone(cell, plan, theta, rng):
+    touches = touch_every(cell, theta, plan, rng)
+    hit = touches.hit.copy()
+    hit[1] = False
+
+    found = calibrate_many(cell, replace(touches, hit=hit))
+    both = calibrate_many(cell, touches)
+
+    np.testing.assert_allclose(found.theta[[0, 2]], both.theta[[0, 2]], atol=1e-9)
+    np.testing.assert_array_equal(found.theta[1], cell.theta)
+    assert not found.used[1].any()
