@@ -7,12 +7,13 @@ with the minutes as their cost (criterion V). The bound is the RMS tip error in 
 same minutes beat by the certificate; 30 robots drawn from the priors, with faces off by their tolerances, then make the
 plan and are identified.
 
-Answer: kinds together beat each alone. In 8 minutes, 80 touches leave 0.059 mm RMS (median of the robots), 32 distances
-0.45 mm, since two anchors do not fix the frame, and 20 touches with 24 distances 0.046 mm; the bounds are 0.060, 0.613
-and 0.039 mm, the promises 0.063, 0.614 and 0.044. In 16 minutes it is 0.046, 0.49 and 0.031 mm. A position that takes
-five times as long as a touch is worth more than five touches: 16 of them leave 0.054 mm, 32 leave 0.036, and together
-with touches 0.051 and 0.034. 4 minutes are few: 0.088 mm with 40 touches, 0.081 with 25 touches and 6 distances; 8
-positions do not determine the robot, 0.23 mm, and a plan that may take touches and positions takes 40 touches.
+Answer: kinds together beat each alone. In 8 minutes, 80 touches leave 0.061 mm RMS (median of the robots), 32 distances
+0.40 mm, since two anchors do not fix the frame, and 20 touches with 24 distances 0.043 mm; the bounds are 0.061, 0.613
+and 0.039 mm, the promises 0.076, 0.614 and 0.046. In 16 minutes it is 0.047, 0.36 and 0.035 mm. A position that takes
+five times as long as a touch is worth more than five touches: 16 of them leave 0.057 mm, 32 leave 0.035, and together
+with touches 0.050 and 0.035, by the bounds 0.047 for 0.052 and 0.034 for 0.037. 4 minutes are few: 0.084 mm with 40
+touches, 0.080 with 25 touches and 6 distances; 8 positions do not determine the robot, 0.36 mm, and a plan that may
+take touches and positions takes 40 touches.
 """
 
 from dataclasses import replace

@@ -8,8 +8,8 @@ between them is the error of all lengths together.
 
 Answer: without a known length all lengths could shrink together and every contact would still fit: calibrations are
 refused, all of them, and the same holds for a length that is known to a millimetre, since a thousandth of 400 mm would
-pass unnoticed. One length known to 0.01 mm leaves a scale error of 36 to 53 millionths and 0.02 mm RMS in the zone;
-0.03 mm leave 87 to 105 millionths, 0.1 mm leave 295 to 352, which is the error of the length itself; 0.3 mm leave 0.08
+pass unnoticed. One length known to 0.01 mm leaves a scale error of 47 to 52 millionths and 0.02 mm RMS in the zone;
+0.03 mm leave 76 to 81 millionths, 0.1 mm leave 265 to 283, which is the error of the length itself; 0.3 mm leave 0.08
 mm RMS. From 0.03 mm on, a better known length buys nothing for the tip: the scatter of the contacts remains.
 """
 

@@ -9,8 +9,8 @@ axes, nine joints in all. Plans are those of `touchcal plan`; the promise of the
 error at 300 other poses of the zone. The limit is the RMS tip error of robots like these that is left however often all
 2,000 candidates of the plan are measured: no design and no estimator gets below it.
 
-Answer: yes. 95 % intervals of parameters, placements, tools and points hold the truth in 94.0 to 95.3 % of the cases;
-the promise is kept by 98 of 100 robots with three targets, 95 with two stands, 97 and 98 with two and three anchors and
+Answer: yes. 95 % intervals of parameters, placements, tools and points hold the truth in 94.0 to 95.4 % of the cases;
+the promise is kept by 98 of 100 robots with three targets, 96 with two stands, 97 and 98 with two and three anchors and
 94 on the track, at 1.4 to 1.8 times the delivered error in the median (2.8 with two anchors). The RMS tip error is
 0.014 mm with three targets, 0.059 mm with two stands, 0.029 mm with three anchors and 0.015 mm on the track. Two
 anchors leave 0.56 mm, and their limit is 0.61 mm: the cell may turn about the line that joins them, which only the
