@@ -86,7 +86,7 @@ class _Task:
         """The next step [rad] or [LEVER mm], and the square of the way that is left [mm^2]."""
         f = descent(self.kinematics.robot, self.rows)
         step, cost = f(q, self.theta, self.position[which], self.rotation[which], np.maximum(damping, FLOOR)[:, None])
-        return step, cost
+        return step.reshape(q.shape), cost  # one joint is a vector there, too
 
 
 def _descend(

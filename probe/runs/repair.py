@@ -21,8 +21,10 @@ def row_objection(line: str, cell: Cell, plan: Plan) -> str:
     A hit must lie on the line of its search, as every touch that counts: a flipped digit leads off it.
     """
     columns = touch_columns(cell.robot)
+    if not line.isprintable():
+        return "it holds a character that cannot be printed"
     cells = next(csv.reader([line]), [])
-    if len(cells) != len(columns) or not line.isprintable():
+    if len(cells) != len(columns):
         return f"it has {len(cells)} columns, expected {len(columns)}"
     row = dict(zip(columns, cells, strict=True))
     name = row["id"].partition(AGAIN)[0]

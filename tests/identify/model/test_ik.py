@@ -1,5 +1,7 @@
 """Inverse kinematics is judged by independent forward kinematics, at poses made from known joint values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracle import forward
@@ -111,6 +113,19 @@ def test_starts_on_the_target_stay_there(arc_welder, rng):
     found = reach(arc_welder.kinematics, arc_welder.theta, position, R, q)
 
     np.testing.assert_array_equal(found.q, q)
+
+
+def test_a_robot_of_one_joint_reaches_what_it_can(arc_welder):
+    """The defect: `check` of a robot.yaml that had lost its other joints ended in a traceback."""
+    robot = replace(arc_welder.robot, joints=arc_welder.robot.joints[:1], capsules=())
+    kinematics = Kinematics(robot)
+    theta = np.zeros(len(robot.parameters))
+    q = np.array([[0.3], [-0.7]])
+    position, R = kinematics.tip(q, theta)
+
+    found = reach(kinematics, theta, position, R, np.zeros_like(q))
+
+    np.testing.assert_allclose(found.q, q, atol=1e-6)
 
 
 def test_targets_do_not_disturb_each_other(arc_welder, rng):

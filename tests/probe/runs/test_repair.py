@@ -13,6 +13,7 @@ from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.tables import joint_columns
 from identify.model.touch import Plan
+from probe.runs.repair import row_objection
 from probe.runs.session import Session, journal_path, rebuilt
 
 BACKUP = "touches.csv.bak"
@@ -102,3 +103,8 @@ def test_touches_that_no_journal_knows_are_not_written_over(tmp_path: Path, arc_
         Session(path, arc_welder, plan)
 
     assert path.read_text() == text
+
+
+def test_a_row_with_a_character_that_cannot_be_printed_is_no_touch(arc_welder: Cell, plan: Plan) -> None:
+    """The defect: a carriage return in a row ended `--resume` with a traceback of the reader of CSV."""
+    assert "cannot be printed" in row_objection("a,top\r,hit", arc_welder, plan)
