@@ -2,15 +2,17 @@
 
 Sources of the semantics: KUKA KSS operating and programming instructions for system integrators, "Interrupt
 programming": INTERRUPT DECL names condition and routine, a rising edge triggers it while it is ON; `$AXIS_INT` holds
-the axes at the trigger, BRAKE F stops on the path, RESUME gives up the motion and goes on behind the call of the
+the axes at the trigger, BRAKE stops on the path, RESUME gives up the motion and goes on behind the call of the
 subprogram in which the interrupt fired, which needs `$ADVANCE=0`; `$MEAS_PULSE[n]` are the fast inputs and must be
 FALSE when the interrupt is switched on.
 
 Form of the statements, each in at least two public programs written elsewhere: INTERRUPT DECL ... WHEN ... DO and
-INTERRUPT ON (the initialisation that KUKA's own editor writes, style programs of a welding cell), LIN_REL with a frame,
-PTP with axes, `$VEL.CP`, `$TIMER` with `$TIMER_STOP`, `$AXIS_ACT`, WAIT SEC, BAS(#INITMOV,0), HALT. INTERRUPT OFF and
-RESUME in the routine of a search were found in one public program, a probing template, and in training notes. No public
-program was found for BRAKE F, `$AXIS_INT` and `$MEAS_PULSE`, in a second search neither: these follow the manual alone.
+INTERRUPT ON (the initialisation that KUKA's own editor writes, style programs of a welding cell), INTERRUPT OFF, BRAKE
+and RESUME in the routine of a search with the motion in a subprogram of its own (a search motion in notes on interrupt
+numbers, notes on BRAKE with RESUME, notes on LIN_Suchen, a probing template), LIN_REL with a frame, PTP with axes,
+`$VEL.CP`, `$TIMER` with `$TIMER_STOP`, `$AXIS_ACT`, WAIT SEC, BAS(#INITMOV,0), HALT. `INTERRUPT DECL` on
+`$MEAS_PULSE[1]` stands in one public note, which says, too, that the controller stops there while the input is TRUE.
+No public program was found for `$AXIS_INT`, in a third search neither (`$POS_INT`, its twin, in two): manual alone.
 
 Motions of a few mm/s need CP speed, so the search is LIN_REL with constant orientation; joint speeds begin at one
 percent.
@@ -224,7 +226,7 @@ END
 
 DEF TC_LATCH ( )
  INTERRUPT OFF {INTERRUPT}
- BRAKE F
+ BRAKE
  TC_Q[TC_N]=$AXIS_INT
  TC_HIT=TRUE
  RESUME

@@ -3,8 +3,10 @@
 Sources: The URScript Programming Language, chapters on threads and scheduling: `run` starts a thread, `kill` ends
 it at once, `sync()` uses up the rest of the control cycle (2 ms, 8 ms on CB3); movej with `t` moves all joints in
 proportion in that time; `get_actual_joint_positions()` are the encoders of this cycle; `stopj` brakes. Programs
-read for the form of the statements: programs with `run move_thread()`, `kill`, `stopl` of two laboratories, and
-external_control.urscript of Universal_Robots_Client_Library (joints as whole numbers over a socket: `to_str` of a
+read for the form of the statements, at least two for each: `run move_thread()`, `kill` and `stopl` in programs of
+four laboratories; `socket_open`, `socket_send_string`, `socket_send_byte(10, name)` and `socket_close` in a driver of
+waypoints, a driver of a gripper and one of a printer; `sync()`, `popup`, `get_standard_digital_in` in tending programs;
+and external_control.urscript of Universal_Robots_Client_Library (joints as whole numbers over a socket: `to_str` of a
 real number has six digits only).
 """
 

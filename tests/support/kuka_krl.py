@@ -3,7 +3,7 @@
 Statement -> semantics: `PTP {A1 ..}`: joint motion, the slowest axis at its $VEL_AXIS percent decides the time.
 `LIN_REL {X ..}`: the tip goes straight by a vector of $BASE, the orientation stays ($ORI_TYPE=#CONSTANT), $VEL.CP
 in m/s. `INTERRUPT DECL n WHEN c DO f ( )` declares, `INTERRUPT ON n` watches from then on for a rising edge: the
-input must be FALSE then ($MEAS_PULSE refuses otherwise). At the edge f runs at once; `BRAKE F` stops on the path;
+input must be FALSE then ($MEAS_PULSE refuses otherwise). At the edge f runs at once; `BRAKE` stops on the path;
 $AXIS_INT are the axes at the edge; `RESUME` gives up the motion and goes on behind the call of the subprogram that
 ran, in the level where the interrupt was declared, and needs $ADVANCE=0. `HALT` waits for start. Values of
 variables declared in the .dat stay in it.
@@ -128,7 +128,7 @@ class KukaKRL:
         elif line == "RESUME":
             assert self.advance == 0
             raise Resumed
-        elif line == "BRAKE F":
+        elif line == "BRAKE":
             assert self.axis_int is not None, "BRAKE stands in interrupt routines alone"
         elif match := re.fullmatch(r"WAIT SEC (\S+)", line):
             machine.wait(float(match[1]))
