@@ -98,6 +98,11 @@ class Robot:
         """Whether each joint is prismatic."""
         return tuple(joint.prismatic for joint in self.joints)
 
+    @property
+    def kinds(self) -> str:
+        """R for each joint that turns, P for each that slides, from the base on."""
+        return "".join("P" if slides else "R" for slides in self.prismatic)
+
     @cached_property
     def lower(self) -> Float[np.ndarray, " joints"]:
         """Lower joint limits [rad] or [mm]."""

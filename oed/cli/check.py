@@ -91,11 +91,10 @@ def story(cell: "Cell", agreement: "Agreement | None") -> str:
     from identify.model.cell import DEG
     from identify.model.identifiability import structure
 
-    joints = "".join("P" if p else "R" for p in cell.robot.prismatic)
     result = structure(cell)
     lines = [
-        f"robot {cell.robot.name}: {len(joints)} joints ({joints}), {result.rank} of {len(result.names)} parameters "
-        "can be identified",
+        f"robot {cell.robot.name}: {len(cell.robot.joints)} joints ({cell.robot.kinds}), {result.rank} of "
+        f"{len(result.names)} parameters can be identified",
         "jig: none" if cell.jig is None else f"jig {cell.jig.name}: {len(cell.jig.faces)} faces, {_sides(cell)}",
         f"touches: {cell.touch.speed:g} mm/s, at most {cell.touch.max_tilt / DEG:g} degrees off the normal",
     ]

@@ -60,11 +60,7 @@ def routines(plan: Plan, cell: Cell, options: Options, *, straight: bool) -> lis
     face, and no search is made.
     """
     settings = options.settings(cell)
-    if len(cell.robot.joints) != JOINTS or any(cell.robot.prismatic):
-        raise InputError(
-            f"robot '{cell.robot.name}' has {len(cell.robot.joints)} joints, expected {JOINTS} revolute ones: programs "
-            "for tracks, positioners and other arms are not written yet"
-        )
+    _check_joints(cell)
     targets = validate(plan, cell, settings)
     geometry = Geometry(cell, settings)
     ends = line_ends(cell, targets, geometry) if straight else [target.end for target in targets]
@@ -76,6 +72,22 @@ def routines(plan: Plan, cell: Cell, options: Options, *, straight: bool) -> lis
         out.append(_routine(len(out) + 1, target, end, _route(here, place, target, last, room), geometry))
         here, last = place, target
     return out
+
+
+def _check_joints(cell: Cell) -> None:
+    """Raise InputError where a robot is not one of six turning joints, which all these languages move alike."""
+    slides, joints = cell.robot.prismatic, len(cell.robot.joints)
+    if joints == JOINTS and not any(slides):
+        return
+    cure = "make the touches over a line, with touchcal run"
+    if joints == JOINTS + 1 and slides[0] and not any(slides[1:]):
+        cure = (
+            "hold the track still and describe the arm behind it (touchcal init --base-link, its carriage), or " + cure
+        )
+    raise InputError(
+        f"robot '{cell.robot.name}' has {joints} joints ({cell.robot.kinds}), and programs move {JOINTS} that turn: "
+        f"{cure}"
+    )
 
 
 def near_approaches(touches: Sequence[Routine]) -> tuple[str, ...]:

@@ -160,8 +160,17 @@ def test_pulses_that_are_not_known_are_asked_for(few):
         program(few.plan, replace(few.cell, robot=robot), "yaskawa", Options())
 
 
-def test_an_arm_with_a_track_is_refused_in_one_sentence(few, arc_welder):
-    robot = replace(arc_welder.robot, joints=arc_welder.robot.joints[:5])
+@pytest.mark.parametrize(
+    ("kinds", "cure"),
+    [
+        ("RRRRR", "6 that turn: make the touches over a line, with touchcal run"),
+        ("RRRRRRR", "6 that turn: make the touches over a line, with touchcal run"),
+        ("PRRRRRR", "6 that turn: hold the track still and describe the arm behind it"),
+    ],
+)
+def test_an_arm_that_is_not_six_turning_joints_is_refused_with_what_to_do(kinds, cure, few, arc_welder):
+    joint = arc_welder.robot.joints[0]
+    robot = replace(arc_welder.robot, joints=tuple(replace(joint, prismatic=kind == "P") for kind in kinds))
 
-    with pytest.raises(InputError, match="expected 6 revolute ones"):
+    with pytest.raises(InputError, match=rf"has {len(kinds)} joints \({kinds}\), and programs move {cure}"):
         program(few.plan, replace(few.cell, robot=robot), "abb", Options())
