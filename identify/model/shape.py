@@ -7,7 +7,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from identify.model.files import InputError, Mistake
 from identify.model.meshes import read_mesh
+
+WIDEST = 30_000.0  # [mm], a wider link was drawn in millimetres
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,4 +30,8 @@ class Shape:
         """Vertices [mm] in the frame of the link, and triangles; raises InputError where the file is broken."""
         assert self.path is not None
         vertices, triangles = read_mesh(self.path)
+        if (width := float(np.ptp(vertices * self.size, axis=0).max())) > WIDEST:
+            text = f"the mesh of link '{self.name}' is {width / 1000:.0f} m wide: drawn in millimetres?"
+            cure = 'a URDF is in metres; write <mesh ... scale="0.001 0.001 0.001"/>'
+            raise InputError([Mistake(str(self.path), 0, f"{text} {cure}")])
         return (vertices * self.size) @ self.pose[:3, :3].T + self.pose[:3, 3], triangles

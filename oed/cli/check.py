@@ -108,11 +108,12 @@ def story(cell: "Cell", agreement: "Agreement | None") -> str:
 
 
 def _shapes(cell: "Cell") -> list[str]:
-    """How the arm is kept clear of jig and itself, where a URDF tells its shapes."""
+    """How the arm is kept clear of jig and itself."""
     from probe.motion.clearance import Clearance
 
     if not cell.robot.shapes:
-        return []
+        alone = "arm: its file describes no shapes of links; torch and wire alone are kept clear of the jig"
+        return [] if cell.robot.capsules else [alone]
     clearance = Clearance(cell, cell.theta)
     judge = "capsules around them" if clearance.exact is None else "solids"
     links = ", ".join(dict.fromkeys(body.shape.name for body in clearance.bodies)) or "none"

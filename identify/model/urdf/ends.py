@@ -105,8 +105,8 @@ class _Tree:
         """The flange link, and how it was chosen."""
         named = [name for end in FLANGES for name in sorted(self.links) if name == end or name.endswith(f"_{end}")]
         named = [name for name in named if self.joints(name)]
-        last = named[0] if named else max(sorted(self.links), key=self._depth)
-        if not self.joints(last):
+        last = named[0] if named else max(sorted(self.links), key=self._depth, default="")
+        if not last or not self.joints(last):
             raise InputError([Mistake(self.urdf.file, 0, "no joint moves; is this the URDF of an arm?")])
         members = self.rigid(last)
         straight = [name for name in members if self.outward(name)[2] > STRAIGHT]

@@ -85,6 +85,12 @@ def test_fingers_are_no_arm(tmp_path):
     assert ends(written(tmp_path, ARM.format(axis="1 0 0", more=fingers))).flange in ("l3", "plate")
 
 
+@pytest.mark.parametrize("text", ['<robot name="a"/>', '<robot name="a"><link name="plate"/></robot>'])
+def test_a_file_without_joints_is_asked_about(text, tmp_path):
+    with pytest.raises(InputError, match="no joint moves; is this the URDF of an arm"):
+        ends(written(tmp_path, text))
+
+
 def test_what_xacro_leaves_in_a_file_that_it_expanded_is_no_xacro(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(
