@@ -59,7 +59,7 @@ def beyond(calibration: Calibration, q: Float[np.ndarray, "poses joints"]) -> tu
     for name, value in coordinates(calibration.cell, calibration.theta, q).items():
         low, high = calibration.spans.get(name, (-np.inf, np.inf))
         slack = SLACK * (high - low) if np.isfinite(high - low) else 0.0
-        axis, unit = name.split()
+        axis, unit = name.rsplit(" ", 1)
         for side, out, end in (("below", value < low - slack, low), ("above", value > high + slack, high)):
             if out.mean() >= LEAST:
                 places.append((float(out.mean()), f"{axis} {side} {end:.0f} {unit}: {100 * out.mean():.0f} %"))

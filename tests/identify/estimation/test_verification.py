@@ -5,7 +5,7 @@ import pytest
 from measured import poses_over_jig, positions_at, table_2, touches_at
 
 from identify.estimation.calibrate import calibrate
-from identify.estimation.verification import verify
+from identify.estimation.verification import beyond, verify
 from identify.model.files import InputError
 from identify.model.io.calibration_file import summarize
 
@@ -76,3 +76,14 @@ def test_a_summary_is_that_of_numpy(rng):
     assert found.rms_mm == pytest.approx(distance.std(mean=0.0))
     assert found.p95_mm == pytest.approx(np.sort(np.abs(distance))[95])
     assert found.max_mm == np.abs(distance).max()
+
+
+def test_names_with_spaces_are_said_as_they_are(arc_welder, poses, truth, rng):
+    robot = arc_welder.robot
+    joints = tuple(replace(joint, name=f"Axis {i}") for i, joint in enumerate(robot.joints, 1))
+    cell = replace(arc_welder, robot=replace(robot, joints=joints))
+    found = calibrate(cell, touches_at(cell, truth, poses[:60], rng, SIGMA), errors="cell")
+
+    places = beyond(found, poses + 1.0)
+
+    assert any(place.startswith("Axis 1 above") and " deg: " in place for place in places)
