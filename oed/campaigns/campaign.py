@@ -66,12 +66,17 @@ def campaign(
     """
     check_limits(cell, target_mm, max_touches)
 
+    say = progress or (lambda what, share: None)
+
     def carefully(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
-        return make_plan(cell, n, rng=rng, after=after, lifting=False, progress=progress).plan
+        def planning(what: str, _: float) -> None:
+            say(f"planning: {what}", loop.tried / max_touches)
+
+        return make_plan(cell, n, rng=rng, after=after, lifting=False, progress=planning).plan
 
     loop = _Loop(cell, target_mm, max_touches, rng, touch, keep or NullStore(), planner or carefully, batch)
     stages = list[Stage]()
-    for stage in loop.stages():
+    for stage in loop.stages(say):
         stages.append(stage)
         tell(stage)
     return Campaign(tuple(stages), target_mm, loop.reached, loop.why)
@@ -111,11 +116,13 @@ class _Loop:
         self.trail: Plan | None = None  # the last stage: where the robot has been, and stands
         self.reached, self.why = False, ""
 
-    def stages(self) -> Iterator[Stage]:
-        """One stage after the other, until there is a reason to end."""
+    def stages(self, say: Callable[[str, float], None]) -> Iterator[Stage]:
+        """One stage after the other, until there is a reason to end; how far it is, is the share of touches tried."""
         for number in range(1, STAGES + 1):
             rng = self.rng.spawn(1)[0]  # of its own, so that a campaign that goes on later draws the same
+            say(f"stage {number}: planning", self.tried / self.most)
             job = self._job(number, rng)
+            say(f"stage {number}: {len(job.plan)} touches", self.tried / self.most)
             stage = self._made(job)
             yield stage
             self._decide(stage)

@@ -56,10 +56,19 @@ def first(known):
 
 
 @pytest.fixture(scope="module")
-def done(known):
+def said():
+    """What a campaign says of its progress, with the share of the touches tried."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def done(known, said):
     truth = draw_truth(known, np.random.default_rng(4))
     rng = np.random.default_rng(2)
-    return truth, campaign(known, target_mm=0.3, rng=rng, touch=toucher(known, truth, rng), planner=quickly)
+    touch = toucher(known, truth, rng)
+    return truth, campaign(
+        known, target_mm=0.3, rng=rng, touch=touch, planner=quickly, progress=lambda *words: said.append(words)
+    )
 
 
 def test_a_campaign_reaches_its_target_and_the_hidden_robot_is_within_the_promise(known, done):
@@ -75,6 +84,14 @@ def test_a_robot_known_to_its_tolerances_is_searched_farther_than_one_identified
     lengths = [stage.job.cell.touch.approach for stage in found.stages]
     assert lengths[0] > known.touch.approach
     assert found.stages[-1].job.deviation < found.stages[0].job.deviation
+
+
+def test_a_campaign_says_how_far_it_is(done, said):
+    counts = [len(stage.touches) for stage in done[1].stages]
+
+    tried = np.repeat(np.cumsum([0, *counts[:-1]]), 2) / 150  # touches at the most
+    assert [share for _, share in said] == pytest.approx(tried)
+    assert [what for what, _ in said][:2] == ["stage 1: planning", f"stage 1: {counts[0]} touches"]
 
 
 def test_a_jig_that_is_nowhere_is_said(known, first, monkeypatch):
