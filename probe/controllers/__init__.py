@@ -23,7 +23,7 @@ from identify.model.files import InputError, nearest
 from identify.model.robot import Robot
 from probe.controllers.counted import Counted
 from probe.line.clock import Clock
-from probe.line.controller import Controller, LinkLost, TouchError
+from probe.line.controller import Controller, LinkLost, TouchError, Unwritten
 from probe.line.transcript import Transport
 
 PROTOCOLS = {
@@ -89,7 +89,11 @@ def open_controller(
     transport = _Overheard(open_port(port, baud, clock, transcript), protocol)
     try:
         controller = backend(transport, robot, clock, **options)
-        controller.connect()
+        try:
+            controller.connect()
+        except Unwritten:  # a busy computer: once more from the start
+            transport.reopen()
+            controller.connect()
         transport.expected = ""
     except TouchError as error:
         transport.close()

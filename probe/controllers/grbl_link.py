@@ -221,7 +221,7 @@ class GrblLink:
         self._lines = Lines(LONGEST)
         try:
             self.transport.reopen()
-            self.settle(self.patience)
+            self.settle(self.silence)
             self.same_boot()
         except LinkLost:
             self.clock.sleep(self.poll)

@@ -80,6 +80,10 @@ class LinkLost(TouchError):
     """The controller does not answer, or its port is gone; where the robot stands is not known."""
 
 
+class Unwritten(LinkLost):
+    """The port took too long to take bytes: it is jammed, or this computer is busy; nobody knows how many it took."""
+
+
 class Rebooted(TouchError):
     """The controller has started anew: its position is not trusted until the operator says so."""
 

@@ -11,7 +11,7 @@ from serial.tools import list_ports
 
 from identify.model.files import InputError
 from probe.line.clock import Clock
-from probe.line.controller import LinkLost
+from probe.line.controller import LinkLost, Unwritten
 from probe.line.transcript import Recorder, Transport
 
 MOST = 4096  # [bytes] read at once: a port that never falls silent must not keep the reader
@@ -33,6 +33,8 @@ class SerialTransport:
         """Send bytes; raises LinkLost where the port is gone or takes nothing for a second."""
         try:
             self._ready().write(data)
+        except serial.SerialTimeoutException as error:  # also where all was written, and this process had to wait
+            raise self._lost(error, Unwritten) from error
         except (serial.SerialException, OSError) as error:
             raise self._lost(error) from error
 
@@ -77,8 +79,8 @@ class SerialTransport:
             raise serial.SerialException("the port is closed")
         return self._port
 
-    def _lost(self, error: Exception) -> LinkLost:
-        return LinkLost(f"port {self.url} is gone ({error}); plug the cable in again, then go on with --resume")
+    def _lost(self, error: Exception, kind: type[LinkLost] = LinkLost) -> LinkLost:
+        return kind(f"port {self.url} is gone ({error}); plug the cable in again, then go on with --resume")
 
 
 def open_port(url: str, baud: int, clock: Clock, transcript: Path | None = None) -> Transport:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import serial
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
@@ -30,6 +31,29 @@ def sentence(*arguments: object, **options: object) -> str:
         open_controller(*arguments, **options)  # type: ignore[arg-type]
     assert "\n" not in str(error.value)
     return str(error.value)
+
+
+@pytest.mark.parametrize("protocol", ["line", "grbl"])
+def test_a_write_that_a_busy_computer_took_too_long_for_is_no_lost_port(
+    arc_welder: Cell, truth: Truth, protocol: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The defect: where this process had to wait a second within a write, the port "hung up"."""
+    write, calls = serial.Serial.write, list[bytes]()
+
+    def written(self: serial.Serial, data: bytes) -> int | None:
+        calls.append(data)
+        done = write(self, data)
+        if len(calls) == 2:
+            raise serial.SerialTimeoutException("Write timeout")
+        return done
+
+    monkeypatch.setattr(serial.Serial, "write", written)
+    with serve(arc_welder, truth, protocol=protocol, speed=float("inf")) as served:
+        controller = open_controller(served.url, protocol, arc_welder.robot)
+
+        assert controller.state().homed
+        assert len(calls) > 3
+        controller.close()
 
 
 @pytest.mark.parametrize("protocol", ["line", "grbl"])
