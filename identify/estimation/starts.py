@@ -18,7 +18,8 @@ SUSPECT = 2.0  # times its sigma that a fit scatters, from which other starts ar
 CAP = 25.0  # squares of residuals beyond it count no more, in units of sigma
 DOUBTED = 0.1  # share of the rows left out from which they are tried
 SUBSETS = 200  # random subsets of the measurements to begin a trimmed fit from
-CONCENTRATIONS = 8  # steps of each: fit to the best of the measurements, find the best of the measurements
+FIRST, BEST = 2, 10  # steps of all of them, and how many of them go on, as the authors do
+CONCENTRATIONS = 8  # steps of those: fit to the best of the measurements, find the best of the measurements
 TRIMMED = 0.75  # share of the measurements that a trimmed fit rests on
 REST = 2.0  # [mm], by which a contact may lie beside its face, beside three standard deviations
 SURE = 5.0  # standard deviations within which a touch lies on another face
@@ -68,15 +69,17 @@ def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray,
     rng, count = np.random.default_rng(0), len(problem.rows.ids)
     kept = rng.random((SUBSETS, count)) < TRIMMED
     most = max(int(TRIMMED * count), 1)
-    for _ in range(CONCENTRATIONS):
+    for step in range(CONCENTRATIONS):
         w = kept[:, owner].astype(float)
         G = np.einsum("sm,mi,mj->sij", w, A, A, optimize=True) + precision
         solution = np.linalg.solve(G, (w @ (A * y[:, None]))[..., None])[..., 0]
-        square = np.zeros((SUBSETS, count))
+        square = np.zeros(kept.shape)
         np.add.at(square.T, owner, ((y - solution @ A.T) ** 2).T)
         worst = np.partition(square, most - 1, axis=1)[:, most - 1 : most]
         kept = square <= worst
-    cost = np.minimum(square, CAP).sum(axis=1) + ((solution / problem.prior) ** 2).sum(axis=1)
+        cost = np.minimum(square, CAP).sum(axis=1) + ((solution / problem.prior) ** 2).sum(axis=1)
+        if step == FIRST - 1:
+            kept = kept[np.argsort(cost)[:BEST]]
     return kept[int(np.argmin(cost))][owner]
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from identify.model.files import InputError, nearest
 from identify.model.jig import Jig
-from identify.model.kinematics import Kinematics
+from identify.model.kinematics import Kinematics, shared_kinematics
 from identify.model.robot import Robot
 from identify.model.shape import Shape
 
@@ -220,7 +220,7 @@ class Cell:
     @cached_property
     def kinematics(self) -> Kinematics:
         """The compiled kinematics of the robot."""
-        return Kinematics(self.robot)
+        return shared_kinematics(self.robot)
 
     @property
     def the_jig(self) -> Jig:

@@ -1,6 +1,6 @@
 """Equations (1) to (5) in CasADi symbols, and the functions compiled from them."""
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -156,3 +156,9 @@ class Kinematics:
             T = T[:, :3] @ _link(self.robot, i, true.q, true.theta, M, w) + T[:, 3] @ w
             outputs[f"T{i + 1}"] = T
         return self._compiled("links", outputs)
+
+
+@lru_cache(maxsize=32)
+def shared_kinematics(robot: Robot) -> Kinematics:
+    """The kinematics of a robot, compiled once for all cells in which it stands."""
+    return Kinematics(robot)

@@ -1,6 +1,7 @@
 """What a serial robot is: joints, their five link parameters each, and the names of all parameters."""
 
-from dataclasses import dataclass, field, replace
+import pickle
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +18,10 @@ FAR = 3.0  # times the widest joint limit, beyond which an angle was not meant i
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A serial robot of any number of joints, between a base and a flange."""
+    """A serial robot of any number of joints, between a base and a flange.
+
+    Robots that are described alike are equal: functions that are compiled for one serve the others.
+    """
 
     name: str
     joints: tuple[Joint, ...]
@@ -35,6 +39,17 @@ class Robot:
     temperature: float = 20.0  # [degC] for which the dimensions are
     shapes: tuple[Shape, ...] = ()  # of a URDF, for clearance
     counting: JointCounting = AS_MODEL  # how its controller counts the joints
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, Robot) and self._description == other._description)
+
+    def __hash__(self) -> int:
+        return hash(self._description)
+
+    @cached_property
+    def _description(self) -> bytes:
+        """All fields to the last digit."""
+        return pickle.dumps([getattr(self, f.name) for f in fields(self)])
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:

@@ -1,5 +1,7 @@
 """The weld zone: the poses where accuracy counts."""
 
+from functools import lru_cache
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -33,9 +35,10 @@ def zone_poses(
     Tip uniform in the box, torch axis uniform in the cone around straight down, any turn about it, any branch of the
     inverse kinematics; a robot of less than six joints stands in its own way. Raises InputError where it reaches none.
     """
-    rng = np.random.default_rng(20) if rng is None else rng
-    zone, robot = zone_of(cell), cell.robot
     theta = cell.theta if theta is None else theta
+    if rng is None:
+        return _usual_poses(cell, theta.tobytes(), poses).copy()
+    zone, robot = zone_of(cell), cell.robot
     postures = np.empty((0, len(robot.joints)))
     for _ in range(ROUNDS):
         m = 2 * poses
@@ -61,6 +64,11 @@ def zone_poses(
         f"robot '{robot.name}' reaches no pose of the weld zone {np.round(zone.box).tolist()} mm within "
         f"{np.degrees(zone.max_tilt):.0f} degrees of straight down; is the base where cell.yaml says?"
     )
+
+
+@lru_cache(maxsize=8)
+def _usual_poses(cell: Cell, theta: bytes, poses: int) -> Float[np.ndarray, "poses joints"]:
+    return zone_poses(cell, np.frombuffer(theta), poses, rng=np.random.default_rng(20))
 
 
 def in_zone(

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Literal
@@ -101,7 +102,8 @@ def _robot(document: Document, sources: dict[str, str]) -> Robot | None:
         if source.lower().endswith((".urdf", ".xacro")):
             cure = f"robot: {{urdf: {source}, base: <link>, flange: <link>}}"
             raise InputError([document.wrong(f"a URDF needs the two links of its chain; write {cure}", "robot")])
-        return read_robot(_resolve(source, "robots", "robot", document, sources))
+        path = _resolve(source, "robots", "robot", document, sources)
+        return _robot_of_library(path) if source.startswith(LIBRARY) else read_robot(path)
     if entry := usable(source, UrdfEntry):
         from identify.model.urdf.chain import read_urdf
 
@@ -136,7 +138,13 @@ def _narrowed(robot: Robot, entry: UrdfEntry, document: Document) -> Robot:
 def _jig(document: Document, sources: dict[str, str]) -> Jig | None:
     """The jig that a cell names, though the cell may have other mistakes."""
     source = document.get("jig")
-    return read_jig(_resolve(source, "jigs", "jig", document, sources)) if isinstance(source, str) else None
+    if not isinstance(source, str):
+        return None
+    path = _resolve(source, "jigs", "jig", document, sources)
+    return _jig_of_library(path) if source.startswith(LIBRARY) else read_jig(path)
+
+
+_robot_of_library, _jig_of_library = lru_cache(read_robot), lru_cache(read_jig)  # files that do not change
 
 
 def _resolve(name: str, kind: Literal["robots", "jigs"], key: str, document: Document, sources: dict[str, str]) -> Path:
