@@ -1,5 +1,7 @@
 """Plans for the virtual cell, made without the planner: random points of faces, reached by a Newton iteration."""
 
+from itertools import islice
+
 import numpy as np
 
 from identify.model.cell import Cell
@@ -24,8 +26,9 @@ def make_plan(cell: Cell, count: int, seed: int = 1, inset: float = 30.0, max_ti
     away = tip[chosen] + cell.touch.approach * normal[chosen]
     approach = solve(cell, q, away, axis[chosen], 15)
     near = reached(cell, approach, away, axis[chosen], margin=0.0) & (np.abs(approach - q).max(axis=1) < 0.5)
-    near[near] = [untouched(cell, *way) for way in zip(approach[near], q[near], strict=True)]
-    keep, at = np.flatnonzero(near)[:count], chosen[near][:count]
+    clear = (i for i in np.flatnonzero(near) if untouched(cell, approach[i], q[i]))
+    keep = np.fromiter(islice(clear, count), int)
+    at = chosen[keep]
     assert len(keep) == count, f"{len(keep)} of {count} touches found"
     ids = tuple(f"t{i + 1:03d}" for i in range(count))
     return Plan(ids, tuple(face[i] for i in at), point[at], normal[at], q[keep], approach[keep])

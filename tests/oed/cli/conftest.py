@@ -9,7 +9,7 @@ from virtual_support import make_plan
 
 from identify.model.files import sheet_text
 from identify.model.io.calibration_file import write_calibration
-from identify.model.io.description import library, read_cell
+from identify.model.io.description import library
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
 from identify.model.io.tables import plan_text, positions_text, touches_text
 
@@ -51,16 +51,21 @@ def folder(sheets, tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.fixture
-def planned(tmp_path, monkeypatch):
-    """A folder with the paper's cell and a short plan on its highest face."""
-    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
-    cell = read_cell(tmp_path / "cell.yaml")
-    plan = make_plan(cell, 100, seed=5)
+@pytest.fixture(scope="session")
+def three_touches(arc_welder):
+    """A short plan on the highest face of the jig, as text."""
+    plan = make_plan(arc_welder, 100, seed=5)
     high = plan.take(np.flatnonzero([face == "top-high" for face in plan.face]))
     apart = np.abs(high.q[:, None] - high.q).max(axis=2)
     start = np.argmin(np.sort(apart, axis=1)[:, 2])  # the two nearest to it are on the same branch of the arm
-    (tmp_path / "plan.csv").write_text(plan_text(high.take(np.argsort(apart[start])[:3]), cell.robot))
+    return plan_text(high.take(np.argsort(apart[start])[:3]), arc_welder.robot)
+
+
+@pytest.fixture
+def planned(three_touches, tmp_path, monkeypatch):
+    """A folder with the paper's cell and that plan."""
+    (tmp_path / "cell.yaml").write_text(library("cells")["arc-welder"].read_text())
+    (tmp_path / "plan.csv").write_text(three_touches)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -1,14 +1,13 @@
 """`touchcal demo`: the whole job on the virtual robot, killed in the middle, and gone on with."""
 
 import re
-import shutil
 import subprocess
 import time
 from csv import DictReader
 
 import numpy as np
 import pytest
-from readme import activated, run
+from readme import activated
 
 from identify.estimation.verification import verify
 from identify.model.io.calibration_file import read_calibration
@@ -18,39 +17,32 @@ from identify.model.zone import zone_poses
 from probe.virtual.truth import read_truth, truths
 
 PATIENCE = 300.0  # [s] on a busy machine
-LATER = ("touches.csv", "calibration.json", "unseen*", "report*", "poses.csv", "corrected.csv")  # than the last touch
+SMALL = "touchcal demo -n 40 -o demo"
+STAGE = 2  # in which it is killed
 
-pytestmark = pytest.mark.xdist_group("demo")  # one demo for all of them, and for the tests of the README
 
-
-@pytest.fixture(scope="module")
-def killed(demo, tmp_path_factory):
-    """A demo, killed among the touches of its last stage and run again: its folder, what stood there, the end."""
-    folder = shutil.copytree(demo.folder, tmp_path_factory.mktemp("killed") / "demo")
-    stage = len(list(folder.glob("plan-*.csv")))
-    for name in (f"touches-{stage}.*", f"calibration-{stage}.json", *LATER):
-        for path in folder.glob(name):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-    process = subprocess.Popen(demo.command.split(), cwd=folder.parent, env=activated(), stdout=subprocess.DEVNULL)
-    table, end = folder / f"touches-{stage}.csv", time.monotonic() + PATIENCE
+def test_a_demo_that_was_killed_goes_on_and_loses_and_doubles_no_touch(tmp_path):
+    folder = tmp_path / "demo"
+    process = subprocess.Popen(SMALL.split(), cwd=tmp_path, env=activated(), stdout=subprocess.DEVNULL)
+    table, end = folder / f"touches-{STAGE}.csv", time.monotonic() + PATIENCE
     while not (table.exists() and table.read_text().count("\n") > 3):
         assert process.poll() is None
         assert time.monotonic() < end
         time.sleep(0.005)
     process.kill()
     process.wait()
-    before = {path: path.read_bytes() for path in folder.glob("plan-*.csv")}
-    return folder, before | {table: table.read_bytes().rpartition(b"\n")[0]}, run(demo.command, folder.parent)
+    first = folder / f"touches-{STAGE - 1}.csv"
+    before = {path: path.read_bytes() for path in (*folder.glob("plan-*.csv"), first)}
+    before |= {table: table.read_bytes().rpartition(b"\n")[0]}
 
+    again = subprocess.run(SMALL.split(), cwd=tmp_path, env=activated(), capture_output=True, text=True, check=False)
 
-def test_a_demo_that_was_killed_goes_on_and_loses_and_doubles_no_touch(demo, killed):
-    folder, before, said = killed
-
+    assert again.returncode in (0, 1), again.stderr  # so few touches make no robot accurate enough
     assert all(path.read_bytes().startswith(content) for path, content in before.items())
     tried = [row["id"] for path in folder.glob("touches-*.csv") for row in DictReader(path.read_text().splitlines())]
     assert sorted(tried, key=int) == [str(i + 1) for i in range(len(tried))]
-    assert f"of {len(tried)} touches met the jig" in said
-    assert f"of {len(tried)} touches met the jig" in demo.said
+    assert f"of {len(tried)} touches met the jig, in " in again.stdout
+    assert len(tried) == 40
 
 
 def test_what_it_says_is_what_its_files_and_the_hidden_truth_say(demo):

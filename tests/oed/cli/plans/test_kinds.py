@@ -1,7 +1,10 @@
 """touchcal plan --kinds: a plan file that says what is done at each row, and a table that identify takes."""
 
 import json
+import shutil
+from contextlib import redirect_stdout
 from functools import partial
+from io import StringIO
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from identify.model.files import InputError
 from identify.model.io.description import read_cell
 from identify.model.io.measurements import read_measurements
 from identify.model.io.tables import read_plan
+from oed.cli import main
 from oed.cli.plans.kinds import minutes_of
 from oed.planning import kinds
 
@@ -22,23 +26,39 @@ measure:
 """
 
 
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory):
+    """A folder in which touches and distances were planned, and what the command said."""
+    folder = tmp_path_factory.mktemp("kinds")
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
+        patch.setattr(kinds, "plan_kinds", partial(kinds.plan_kinds, count=200))
+        assert run("init", folder) == 0
+        with (folder / "cell.yaml").open("a") as file:
+            file.write(POINTS)
+        patch.chdir(folder)
+        assert run("plan", "--kinds", "touch,distance", "--budget", "8min") == 0
+    return folder, said.getvalue()
+
+
+def run(*words):
+    with pytest.raises(SystemExit) as stop:
+        main([str(word) for word in words])
+    return stop.value.code
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch, touchcal):
-    monkeypatch.setattr(kinds, "plan_kinds", partial(kinds.plan_kinds, count=200))
-    assert touchcal("init", tmp_path)[0] == 0
-    with (tmp_path / "cell.yaml").open("a") as file:
-        file.write(POINTS)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+def folder(planned, tmp_path, monkeypatch):
+    """A copy of that folder."""
+    monkeypatch.chdir(shutil.copytree(planned[0], tmp_path / "mine"))
+    return tmp_path / "mine"
 
 
-def test_a_plan_of_two_kinds_says_for_each_row_what_is_done_and_run_takes_its_touches(folder, touchcal):
-    code, out, _ = touchcal("plan", "--kinds", "touch,distance", "--budget", "8min")
+def test_a_plan_of_two_kinds_says_for_each_row_what_is_done_and_run_takes_its_touches(planned):
+    folder, out = planned
 
     told = json.loads((folder / "plan.json").read_text())
     lines = (folder / "plan.csv").read_text().splitlines()
     counts = told["measurements"]
-    assert code == 0
     assert f"{counts['touch']} of kind touch, {counts['distance']} of kind distance" in out
     assert "distance alone, the same minutes" in out
     assert [line.split(",")[1] for line in lines[1:]].count("distance") == counts["distance"]
@@ -50,7 +70,6 @@ def test_a_plan_of_two_kinds_says_for_each_row_what_is_done_and_run_takes_its_to
 
 
 def test_the_table_of_readings_is_a_file_of_measurements_once_it_is_filled(folder, touchcal):
-    touchcal("plan", "--kinds", "touch,distance", "--budget", "8min", "--json")
     lines = (folder / "plan-readings.csv").read_text().splitlines()
     assert lines[0].endswith("anchor,distance_mm")
     (folder / "distances.csv").write_text("\n".join([lines[0], *(f"{line}512.5" for line in lines[1:])]) + "\n")
@@ -75,6 +94,8 @@ def test_the_table_of_readings_is_a_file_of_measurements_once_it_is_filled(folde
     ],
 )
 def test_options_that_do_not_go_together_are_refused(folder, touchcal, options, words):
+    (folder / "plan.csv").unlink()
+
     code, _, err = touchcal("plan", *options)
 
     assert code == 2
