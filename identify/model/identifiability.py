@@ -155,7 +155,7 @@ def _clean(coefficient: float) -> float:
 
 
 def independent(
-    A: Float[np.ndarray, "rows columns"], order: Sequence[int], tolerance: float = TOLERANCE
+    A: Float[np.ndarray, "rows columns"], order: Sequence[int]
 ) -> tuple[list[int], dict[int, dict[int, float]]]:
     """Columns that no earlier one in `order` explains, and for each other its coefficients on them (rank-revealing QR).
 
@@ -164,7 +164,7 @@ def independent(
     """
     R = np.asarray(np.linalg.qr(A[:, order], mode="r"))
     lengths = np.sqrt((R * R).sum(axis=0))
-    new = np.abs(np.diag(R)) > tolerance * max(lengths.max(initial=0.0), 1e-300)
+    new = np.abs(np.diag(R)) > TOLERANCE * max(lengths.max(initial=0.0), 1e-300)
     basis, rest = np.asarray(order)[new].tolist(), np.asarray(order)[~new].tolist()
     C = np.linalg.lstsq(R[:, new], R[:, ~new], rcond=None)[0]
     return basis, {

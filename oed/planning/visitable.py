@@ -45,17 +45,15 @@ class Visit:
     allowed: Bool[np.ndarray, " touches"]  # of the offer: those that do not lead to blocked ways, as far as was seen
 
 
-def visited(
-    offered: CandidateSet, pick: Pick, rng: np.random.Generator, allowed: Bool[np.ndarray, " touches"] | None = None
-) -> Visit:
-    """Touches that `pick` chooses among those allowed, until they can be visited on clear ways.
+def visited(offered: CandidateSet, pick: Pick, rng: np.random.Generator) -> Visit:
+    """Touches that `pick` chooses, until they can be visited on clear ways.
 
     What leads to blocked ways is given up, with all that is more like it than like what stays; after some tries, it is
     put in the place of what is given up that tells nearly the same and can be visited. The best try is returned where
     none is free of blocked ways.
     """
     cell, at = offered.cell, offered.candidates.approach
-    allowed = np.ones(len(at), dtype=bool) if allowed is None else allowed
+    allowed = np.ones(len(at), dtype=bool)
     chosen, best, least = pick(allowed, None), None, 0
     for attempt in range(TRIES + MENDS):
         found, clear = offered.visit(offered.candidates.take(chosen), rng, kicks=0)

@@ -54,12 +54,12 @@ class Shell:
         except ValueError:
             raise LinkLost(f"linuxcncrsh answered '{text}' to 'get {name}', expected numbers") from None
 
-    def messages(self, kind: str = "error") -> list[str]:
-        """The messages of a kind that nobody has read yet; each question fetches one, of whichever kind."""
+    def messages(self) -> list[str]:
+        """The error messages that nobody has read yet; each question fetches one."""
         lines: list[str] = []
         silent = 0
         while silent < 3 and len(lines) < 100:
-            text = self.get(kind)
+            text = self.get("error")
             silent = silent + 1 if text == "OK" else 0
             lines += [text] if text != "OK" else []
         return list(dict.fromkeys(lines))

@@ -11,14 +11,13 @@ from jaxtyping import Float
 
 from identify.model.cell import Cell
 from identify.model.files import InputError, Sheet, read_sheet, sheet_text
-from identify.model.robot import POSE_NAMES, Robot
+from identify.model.robot import Robot
 from identify.model.touch import HIT, STATUSES, Plan, Positions, Touches
 
 PLANE = ("nx", "ny", "nz", "offset_mm")
 VIAS = 9  # columns of postures on the way that are looked for
 POINT = ("x_mm", "y_mm", "z_mm")
 APPROACH = "approach_"  # before the joints from which a touch was searched
-POSE_COLUMNS = tuple(f"{name}_{'deg' if name.startswith('r') else 'mm'}" for name in POSE_NAMES)
 
 
 def joint_columns(robot: Robot, prefix: str = "") -> list[str]:
