@@ -14,6 +14,8 @@ from identify.model.kinematics import Kinematics, shared_kinematics
 from identify.model.robot import Robot
 from identify.model.shape import Shape
 
+NECK = 110.0  # [mm] behind the tip, where the nozzle of a torch meets its body and the neck bends
+PIN = 56.0  # [mm], a shorter tool is no torch
 DEG = np.pi / 180
 
 
@@ -216,6 +218,13 @@ class Cell:
 
         sizes = [(key, SIZES[key]) for _, key, _ in self.robot.error_parameters]
         return [self.priors.errors.get(key, size.usual) * size.inside for key, size in sizes]
+
+    @property
+    def neck(self) -> float:
+        """How far behind the tip the torch bends from the wire's direction towards the flange [mm]; 0 for a pin."""
+        if self.tool is None or (length := float(np.linalg.norm(self.tool[:3]))) < PIN:
+            return 0.0
+        return min(NECK, 0.5 * length)
 
     @cached_property
     def kinematics(self) -> Kinematics:

@@ -6,6 +6,7 @@ import numpy as np
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
+from identify.model.frames import transform
 from identify.model.zone import zone_poses
 from identify.report.page import page, view
 from identify.report.scene import scene
@@ -26,7 +27,7 @@ def cell_page(cell: Cell, words: str) -> str:
         f"tip at ({p[0]:.0f}, {p[1]:.0f}, {p[2]:.0f}) mm, torch {a:.0f} deg from straight down"
         for p, a in zip(tip, lean, strict=True)
     ]
-    view_data = scene(cell, None, tuple(f"posture {i + 1}" for i in range(len(q))), ("",) * len(q), q, tuple(remarks))
+    view_data = scene(cell, None, tuple(f"posture {i + 1}" for i in range(len(q))), (None,) * len(q), q, tuple(remarks))
     tool = "" if cell.tool is None else _torch(cell)
     sections = [
         f'<h1>Cell of {escape(cell.robot.name)}</h1><p class="verdict">{escape(note)} {escape(tool)}</p>',
@@ -42,4 +43,8 @@ def _torch(cell: Cell) -> str:
     length = float(np.linalg.norm(cell.tool[:3]))
     angle = np.degrees(np.arccos(np.clip(cell.tool[2] / max(length, 1e-9), -1, 1)))
     aside = " This is sideways: is the flange link the one whose z axis points out of the wrist?" if angle > 45 else ""
-    return f"The tip lies {length:.0f} mm from the flange, {angle:.0f} degrees from its z axis.{aside}"
+    lean = np.degrees(np.arccos(np.clip(transform(cell.tool)[2, 2], -1, 1)))
+    return (
+        f"The tip lies {length:.0f} mm from the flange, {angle:.0f} degrees from its z axis; the wire leans {lean:.0f} "
+        f"degrees from that axis.{aside}"
+    )

@@ -118,7 +118,7 @@
         group.add(mesh);
       }
     }
-    rods(group, points, kind === "nominal" && touch.identified ? skins.ghost : meshed ? skins.nominal : skins[kind], meshed ? points.length - 2 : 0);
+    rods(group, points, kind === "nominal" && touch.identified ? skins.ghost : meshed ? skins.nominal : skins[kind], meshed ? touch.frames.length / 7 - 1 : 0);
   };
   Object.values(robots).forEach((group) => scene.add(group));
 
@@ -135,7 +135,8 @@
     }
     dots.forEach((dot, i) => { dot.material = i === index ? marked : dot.userData.plain; dot.scale.setScalar(i === index ? 2.2 : 1); });
     paths.forEach((path, i) => { path.visible = tick.paths.checked; path.material = i === index ? strong : faint; });
-    const text = `touch ${touch.id} (${index + 1} of ${data.touches.length}) on ${touch.face || "a plane"}${touch.words ? ": " + touch.words : ""}`;
+    const place = `(${index + 1} of ${data.touches.length})`, words = touch.words ? ": " + touch.words : "";
+    const text = touch.face === null ? `${touch.id} ${place}${words}` : `touch ${touch.id} ${place} on ${touch.face || "a plane"}${words}`;
     caption.textContent = text;
     renderer.domElement.setAttribute("aria-label", `3-D view of robot, jig and zone; ${text}`);
     slider.value = index;

@@ -23,11 +23,14 @@ def scene(
     cell: Cell,
     theta: Float[np.ndarray, " parameters"] | None,
     ids: tuple[str, ...],
-    faces: tuple[str, ...],
+    faces: tuple[str | None, ...],
     q: Float[np.ndarray, "touches joints"],
     words: tuple[str, ...],
 ) -> dict[str, Any]:
-    """Everything in the jig frame [mm]; `theta` is the identified robot, None where there is only the nominal one."""
+    """Everything in the jig frame [mm]; `theta` is the identified robot, None where there is only the nominal one.
+
+    The face of a posture that touches nothing is None; of a touch on a plane it is empty.
+    """
     jig, zone = cell.jig, cell.zone
     q = q[:MOST]
     nominal = _skeletons(cell, cell.theta, q)
@@ -56,12 +59,13 @@ def scene(
 def _skeletons(
     cell: Cell, theta: Float[np.ndarray, " parameters"], q: Float[np.ndarray, "touches joints"]
 ) -> Float[np.ndarray, "touches points 3"]:
-    """Origins of the link frames, and the tip, to a tenth of a millimetre."""
+    """Origins of the link frames, the neck of the torch and the tip, to a tenth of a millimetre."""
     if not len(q):
         return np.empty((0, len(cell.robot.joints) + 2, 3))
     frames = cell.kinematics.links(q, theta)
-    tip = cell.kinematics.tip(q, theta)[0]
-    return np.stack([*(T[:, :, 3] for T in frames), tip], axis=1).round(1)
+    tip, R = cell.kinematics.tip(q, theta)
+    neck = [tip - cell.neck * R[:, :, 2]] if cell.neck else []
+    return np.stack([*(T[:, :, 3] for T in frames), *neck, tip], axis=1).round(1)
 
 
 def _frames(

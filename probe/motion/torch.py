@@ -8,7 +8,6 @@ from identify.model.joint import Capsule
 
 STICKOUT = 18.0  # [mm] of bare wire before the nozzle
 NOZZLE, BODY = 10.0, 20.0  # [mm], radii of the gas nozzle and of the torch behind it
-NECK = 110.0  # [mm] behind the tip, where the nozzle meets the body and the neck bends
 ROUND = (
     0.36  # of the nozzle's radius: the capsule's round end, drawn back so that at 50 degrees it is as low as the rim
 )
@@ -27,10 +26,9 @@ def torch(cell: Cell) -> tuple[Capsule, ...]:
         return own
     last_T_tip = robot.last_T_flange @ transform(cell.tool)
     tip, wire, flange = last_T_tip[:3, 3], last_T_tip[:3, 2], robot.last_T_flange[:3, 3]
-    reach = float(np.linalg.norm(tip - flange))
-    if reach < 2 * (STICKOUT + NOZZLE):  # a pin, no torch
+    if not cell.neck:
         return ()
-    neck = tip - min(NECK, 0.5 * reach) * wire
+    neck = tip - cell.neck * wire
     nozzle = _capsule(last, tip - (STICKOUT + ROUND * NOZZLE) * wire, neck, NOZZLE)
     body = neck - flange
     length = float(np.linalg.norm(body))

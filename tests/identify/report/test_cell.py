@@ -18,4 +18,4 @@ def test_the_page_shows_postures_of_the_zone(arc_welder):
 def test_a_sideways_torch_is_said_so(arc_welder):
     text = cell_page(replace(arc_welder, tool=np.array([300.0, 0, 20, 0, 0, 0])), "")
 
-    assert "86 degrees from its z axis. This is sideways" in text
+    assert "86 degrees from its z axis; the wire leans 0 degrees from that axis. This is sideways" in text

@@ -57,3 +57,13 @@ def test_a_link_stands_in_the_scene_where_the_kinematics_has_it(meshed, rng):
         a, b, c, w = quaternion
         turned = corners + 2 * np.cross([a, b, c], np.cross([a, b, c], corners) + w * corners)
         np.testing.assert_allclose(turned + np.array([x, y, z]), corners @ row[:, :3].T + row[:, 3], atol=0.1)
+
+
+def test_the_torch_bends_at_its_neck_towards_the_flange(arc_welder, rng):
+    q = rng.uniform(arc_welder.robot.lower, arc_welder.robot.upper, (3, 6))
+
+    shown = scene(arc_welder, None, ("a", "b", "c"), (None,) * 3, q, ("", "", ""))
+
+    tip, R = arc_welder.kinematics.tip(q, arc_welder.theta)
+    for p, wire, touch in zip(tip, R[:, :, 2], shown["touches"], strict=True):
+        np.testing.assert_allclose(touch["nominal"][-2:], [p - 110 * wire, p], atol=0.1)
