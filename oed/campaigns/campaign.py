@@ -133,24 +133,24 @@ class _Loop:
     def _job(self, number: int, rng: np.random.Generator) -> Job:
         """The plan of a stage: the one that is kept, or a new one."""
         deviation = self._deviation()
-        kept = self.keep.planned(number)
-        if kept is None:
-            found, approach = self._planned(min(self.wanted, self.most - self.tried), deviation, rng)
-            told = {"stage": number, "approach_mm": approach[0], "travel_mm": approach[1], "deviation_mm": deviation}
-            found = self.keep.keep_plan(number, found, told)
+        stored = self.keep.planned(number)
+        if stored is None:
+            plan, approach = self._planned(min(self.wanted, self.most - self.tried), deviation, rng)
+            notes = {"stage": number, "approach_mm": approach[0], "travel_mm": approach[1], "deviation_mm": deviation}
+            plan = self.keep.keep_plan(number, plan, notes)
         else:
-            found, told = kept
-            approach = (float(told["approach_mm"]), float(told["travel_mm"]))
+            plan, notes = stored
+            approach = (float(notes["approach_mm"]), float(notes["travel_mm"]))
         cell = _searching(self.cell, approach)
         cell = cell if self.after is None else believed(cell, self.after.theta)
-        return Job(number, cell, found, self.promised is None, deviation)
+        return Job(number, cell, plan, self.promised is None, deviation)
 
     def _planned(self, n: int, deviation: float, rng: np.random.Generator) -> tuple[Plan, tuple[float, float]]:
         """A plan whose searches are as long as the deviation of the tip asks, or as the jig and the robot allow."""
         reach = min(SIGMAS * deviation, LONGEST)
         standoff = STANDOFF if self.promised is None else 0.0
         own = self.cell.touch.approach, self.cell.touch.travel - self.cell.touch.approach
-        said: InputError | None = None
+        reason: InputError | None = None
         for after in (
             (self.after, None) if self.promised is None else (self.after,)
         ):  # as at first, where all else fails
@@ -158,32 +158,32 @@ class _Loop:
                 approach = max(own[0], share * (reach + standoff))
                 beyond = max(min(own[1], PAST), share * reach)
                 try:
-                    found = self._chosen(_searching(self.cell, (approach, approach + beyond)), n, rng, after)
+                    plan = self._chosen(_searching(self.cell, (approach, approach + beyond)), n, rng, after)
                 except InputError as error:
-                    said = said or error
+                    reason = reason or error
                     continue
-                found = found.take(np.arange(min(len(found), self.most - self.tried)))
-                return _named(found, self.tried), (approach, approach + beyond)
-        assert said is not None
-        raise said
+                plan = plan.take(np.arange(min(len(plan), self.most - self.tried)))
+                return _named(plan, self.tried), (approach, approach + beyond)
+        assert reason is not None
+        raise reason
 
     def _chosen(self, cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
         """Touches for a robot that is hardly known, or planned with care."""
         if self.promised is None or after is None:
             return plan_under_uncertainty(cell, n, rng, after, self.trail)
-        found = self.planner(cell, n, rng, after)
-        started = begun(found, UncertainEdges(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
-        stuck = started is found and self.trail is not None  # no way leads to any of them from where the robot stands
+        plan = self.planner(cell, n, rng, after)
+        started = begun(plan, UncertainEdges(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
+        stuck = started is plan and self.trail is not None  # no way leads to any of them from where the robot stands
         return plan_under_uncertainty(cell, n, rng, after, self.trail) if stuck else started
 
     def _made(self, job: Job) -> Stage:
         """Touch, then identify from all touches so far."""
-        made = self.touch(job)
-        self.tried += len(made)
-        status = dict(zip(made.ids, made.status, strict=True))
-        been = [i for i, name in enumerate(job.plan.ids) if status.get(name) in ARRIVED]
-        self.trail = job.plan.take(np.array(been)) if been else self.trail
-        self.met = joined(self.met, made.take(np.array([s == HIT for s in made.status], dtype=bool)))
+        touches = self.touch(job)
+        self.tried += len(touches)
+        status = dict(zip(touches.ids, touches.status, strict=True))
+        arrived = [i for i, name in enumerate(job.plan.ids) if status.get(name) in ARRIVED]
+        self.trail = job.plan.take(np.array(arrived)) if arrived else self.trail
+        self.met = joined(self.met, touches.take(np.array([s == HIT for s in touches.status], dtype=bool)))
         if not len(self.met):
             raise TouchError(
                 f"none of {self.tried} touches met the jig; are jig, base and tool where the cell file says, and its "
@@ -193,16 +193,16 @@ class _Loop:
         good = self.met.take(self.belief.as_planned(self.met))
         self.after, self.promised = self._identified(good)
         self.keep.keep_calibration(job.number, self.after)
-        return Stage(job, made, self.after, self.promised)
+        return Stage(job, touches, self.after, self.promised)
 
     def _identified(self, good: Touches) -> tuple[Calibration, float | None]:
         """The calibration that the touches alone allow, else what they and the tolerances make most probable."""
         assert self.belief is not None
         if len(good) >= self.enough:
             try:
-                found = calibrate(self.cell, good, start=self.belief.theta, errors="cell")
-                self.more = MoreTouches(found, good)
-                return found, self.more.now
+                calibration = calibrate(self.cell, good, start=self.belief.theta, errors="cell")
+                self.more = MoreTouches(calibration, good)
+                return calibration, self.more.now
             except InputError:  # so many, and still not of full rank
                 pass
         return provisional(self.cell, self.belief), None
@@ -218,11 +218,11 @@ class _Loop:
 
     def _decide(self, stage: Stage) -> None:
         """Whether and why to end, or how many touches to plan next."""
-        left = self.most - self.tried
+        remaining = self.most - self.tried
         if self.promised is None:
             searching = SIGMAS * self._deviation() > self.cell.touch.approach
             self.wanted = SCOUTS if searching else max(LEAST, self.enough - len(self.met))
-            if left < 1:
+            if remaining < 1:
                 self.why = f"{self.tried} touches are used up before the robot could be identified"
             return
         floor = self.more.floor
@@ -232,12 +232,12 @@ class _Loop:
         goal = self.target if floor < 0.97 * self.target else 1.1 * floor
         if self.promised <= goal:
             self.why = f"more touches do not help: {self._reason(floor)}"
-        elif left < 1:
+        elif remaining < 1:
             self.why = f"all {self.most} touches are used up: {self._reason(floor)}{self._advice()}"
         else:
             more = (self.more.times(goal) - 1) * len(self.met)
             gain = 1 - self.more.promised(1 + 10 / len(self.met)) / self.promised
-            if gain < WORTH and more > left:
+            if gain < WORTH and more > remaining:
                 self.why = f"more touches hardly help: {self._reason(floor)}"
             self.wanted = int(np.clip(np.ceil(more if more < BATCH / 2 else 0.7 * more), LEAST, self.batch))
 

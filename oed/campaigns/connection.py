@@ -52,11 +52,11 @@ class Connection:
     seed: int = 0  # of the scatter of the virtual robot
 
     @contextmanager
-    def session(self, cell: Cell, known: Cell, plan: Plan, path: Path, *, resume: bool) -> Iterator[Touching]:
-        """Connect, and record touches in the table at `path`; motions are checked by the robot of `known`."""
+    def session(self, cell: Cell, believed_cell: Cell, plan: Plan, path: Path, *, resume: bool) -> Iterator[Touching]:
+        """Connect, and record touches in the table at `path`; motions are checked by the robot of `believed_cell`."""
         with (
             self.controller(cell, plan, journal_path(path)) as (controller, clock),
-            Session(path, known, plan, resume=resume, clock=clock) as session,
+            Session(path, believed_cell, plan, resume=resume, clock=clock) as session,
         ):
             yield Touching(plan, controller, session, clock)
 

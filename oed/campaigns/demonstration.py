@@ -91,7 +91,7 @@ def _calibrated(
 ) -> tuple[Calibration, dict[str, Any]]:
     """The touches of all stages and those for verification, made by the virtual robot; and what they tell."""
     rng, inputs = np.random.default_rng(seed), _hashes(folder, "cell.yaml")
-    done = campaign(
+    result = campaign(
         cell,
         target_mm=TARGET_MM,
         max_touches=touches,
@@ -102,22 +102,22 @@ def _calibrated(
         planner=_planned,
         progress=progress,
     )
-    _unseen(folder, done.calibration, truth, seed)
-    made = reduce(joined, (stage.touches for stage in done.stages))
-    write_text(folder / "touches.csv", touches_text(made, cell.robot))
+    _unseen(folder, result.calibration, truth, seed)
+    every = reduce(joined, (stage.touches for stage in result.stages))
+    write_text(folder / "touches.csv", touches_text(every, cell.robot))
     inputs = _hashes(folder, "cell.yaml", "touches.csv")
-    found = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs, errors="cell")
-    write_calibration(folder / "calibration.json", found)
-    return found, _effort(done)
+    calibration = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs, errors="cell")
+    write_calibration(folder / "calibration.json", calibration)
+    return calibration, _effort(result)
 
 
-def _effort(done: Campaign) -> dict[str, Any]:
+def _effort(result: Campaign) -> dict[str, Any]:
     """What it took."""
     return {
-        "touches": done.touches,
-        "hits": sum(stage.hits for stage in done.stages),
-        "stages": len(done.stages),
-        "minutes": sum(minutes(stage.job.cell, stage.job.plan) for stage in done.stages),
+        "touches": result.touches,
+        "hits": sum(stage.hits for stage in result.stages),
+        "stages": len(result.stages),
+        "minutes": sum(minutes(stage.job.cell, stage.job.plan) for stage in result.stages),
     }
 
 
@@ -135,37 +135,37 @@ def _hashes(folder: Path, *names: str) -> dict[str, str]:
     return {name: digest(folder / name) for name in names}
 
 
-def _unseen(folder: Path, known: Calibration, truth: Truth, seed: int) -> None:
+def _unseen(folder: Path, calibration: Calibration, truth: Truth, seed: int) -> None:
     """Touches anywhere on the jig, and tip positions all over the zone as a tracker would measure them."""
-    cell, rng = known.cell, np.random.default_rng([seed, 1])
-    kept = Folder(folder / "unseen", cell, {})
-    kept.path.mkdir(exist_ok=True)
-    made = kept.planned(1)
+    cell, rng = calibration.cell, np.random.default_rng([seed, 1])
+    store = Folder(folder / "unseen", cell, {})
+    store.path.mkdir(exist_ok=True)
+    stage = store.planned(1)
     length = {"approach_mm": cell.touch.approach, "travel_mm": cell.touch.travel}
-    drawn = plan_touches(cell, UNSEEN, strategy="random", after=known, rng=rng, lifting=False).plan
-    plan = kept.keep_plan(1, drawn, length) if made is None else made[0]
-    job = Job(1, believed(cell, known.theta), plan, True, 0.0)
-    found = _toucher(kept.path, cell, truth, seed + UNSEEN)(job)
-    write_text(folder / "unseen.csv", touches_text(found, cell.robot))
-    q = zone_poses(cell, known.theta, UNSEEN, rng=rng)
+    random_plan = plan_touches(cell, UNSEEN, strategy="random", after=calibration, rng=rng, lifting=False).plan
+    plan = store.keep_plan(1, random_plan, length) if stage is None else stage[0]
+    job = Job(1, believed(cell, calibration.theta), plan, True, 0.0)
+    touches = _toucher(store.path, cell, truth, seed + UNSEEN)(job)
+    write_text(folder / "unseen.csv", touches_text(touches, cell.robot))
+    q = zone_poses(cell, calibration.theta, UNSEEN, rng=rng)
     point = cell.kinematics.tip(q, truth.theta)[0] + cell.touch.sigma * rng.standard_normal((UNSEEN, 3))
     tables = Positions(tuple(f"p{i + 1}" for i in range(UNSEEN)), q, point, np.full(UNSEEN, cell.touch.sigma))
     write_text(folder / "unseen-positions.csv", positions_text(tables, cell.robot))
 
 
-def _verified(folder: Path, found: Calibration) -> tuple[Verification, Verification]:
+def _verified(folder: Path, calibration: Calibration) -> tuple[Verification, Verification]:
     """Errors at touches and at tip positions that the fit has not seen."""
-    touched = verify(found, read_touches(folder / "unseen.csv", found.cell))
-    return touched, verify(found, read_positions(folder / "unseen-positions.csv", found.cell))
+    touched = verify(calibration, read_touches(folder / "unseen.csv", calibration.cell))
+    return touched, verify(calibration, read_positions(folder / "unseen-positions.csv", calibration.cell))
 
 
-def _use(folder: Path, found: Calibration, verified: tuple[Verification, Verification]) -> None:
+def _use(folder: Path, calibration: Calibration, verified: tuple[Verification, Verification]) -> None:
     """The report, and a seam corrected."""
-    made = read_touches(folder / "touches.csv", found.cell)
-    write_text(folder / "report.html", report(found, [made], verified[1]))
-    wanted = _seam(found.cell)
-    names = [f"s{i + 1}" for i in range(len(wanted))]
-    for file, poses in (("poses.csv", wanted), ("corrected.csv", compensate(found, wanted).command)):
+    touches = read_touches(folder / "touches.csv", calibration.cell)
+    write_text(folder / "report.html", report(calibration, [touches], verified[1]))
+    seam = _seam(calibration.cell)
+    names = [f"s{i + 1}" for i in range(len(seam))]
+    for file, poses in (("poses.csv", seam), ("corrected.csv", compensate(calibration, seam).command)):
         columns: dict[str, Any] = {"id": names} | dict(zip(POSE_KEYS, (poses / POSE_UNIT).T.round(6), strict=True))
         write_text(folder / file, sheet_text(columns))
 
@@ -182,19 +182,20 @@ def _seam(cell: Cell) -> Float[np.ndarray, "points 6"]:
     return pose(T)
 
 
-def _compared(folder: Path, truth: Truth, found: Calibration) -> dict[str, Any]:
+def _compared(folder: Path, truth: Truth, calibration: Calibration) -> dict[str, Any]:
     """The tip at unseen poses of the zone beside the hidden truth, and what was promised of it."""
-    cell = found.cell
-    q = zone_poses(cell, found.theta, POSES, rng=np.random.default_rng(12345))
+    cell = calibration.cell
+    q = zone_poses(cell, calibration.theta, POSES, rng=np.random.default_rng(12345))
     tip = cell.kinematics.tip(q, truth.theta)[0]
     before, after = (
-        summarize(np.linalg.norm(cell.kinematics.tip(q, theta)[0] - tip, axis=1)) for theta in (cell.theta, found.theta)
+        summarize(np.linalg.norm(cell.kinematics.tip(q, theta)[0] - tip, axis=1))
+        for theta in (cell.theta, calibration.theta)
     )
-    residuals = np.array([r.before_mm for r in found.residuals.values()])
+    residuals = np.array([r.before_mm for r in calibration.residuals.values()])
     return {
         "initial_rms_mm": summarize(residuals).rms_mm,
         "zone_rms_mm": after.rms_mm,
         "before": before,
         "after": after,
-        "promise": {"p95_mm": zone_promise(found).p95_mm},
+        "promise": {"p95_mm": zone_promise(calibration).p95_mm},
     }

@@ -54,27 +54,27 @@ class Folder:
 
     def planned(self, number: int) -> tuple[Plan, dict[str, Any]] | None:
         """The plan of a stage; raises InputError where it belongs to another cell."""
-        noted = self.path / f"plan-{number}.json"
-        if not noted.exists():
+        file = self.path / f"plan-{number}.json"
+        if not file.exists():
             return None
         try:
-            told = loads(read_text(noted))
+            notes = loads(read_text(file))
             for key in ("cell", "approach_mm", "travel_mm"):
-                told[key]
+                notes[key]
         except (JSONDecodeError, KeyError, TypeError):
-            raise InputError([Mistake(str(noted), 0, f"not of a campaign; {ELSEWHERE}")]) from None
-        if told["cell"] != fingerprint(self.cell):
-            raise InputError([Mistake(str(noted), 0, f"the campaign in this folder is of another cell; {ELSEWHERE}")])
+            raise InputError([Mistake(str(file), 0, f"not of a campaign; {ELSEWHERE}")]) from None
+        if notes["cell"] != fingerprint(self.cell):
+            raise InputError([Mistake(str(file), 0, f"the campaign in this folder is of another cell; {ELSEWHERE}")])
         plan = self.path / f"plan-{number}.csv"
-        if told.get("inputs", {}).get(plan.name) != digest(plan):
+        if notes.get("inputs", {}).get(plan.name) != digest(plan):
             raise InputError([Mistake(str(plan), 0, f"it was changed after it was planned; {ELSEWHERE}")])
-        return read_plan(plan, self.cell), told
+        return read_plan(plan, self.cell), notes
 
-    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
+    def keep_plan(self, number: int, plan: Plan, notes: dict[str, Any]) -> Plan:
         """Write the plan, and then what was noted: the plan counts from then on."""
         path = self.path / f"plan-{number}.csv"
         write_text(path, plan_text(plan, self.cell.robot))
-        noted = told | {"cell": fingerprint(self.cell), "touches": len(plan)}
+        noted = notes | {"cell": fingerprint(self.cell), "touches": len(plan)}
         write_json(path.with_suffix(".json"), noted, self.inputs | {path.name: digest(path)})
         return read_plan(path, self.cell)
 
@@ -90,8 +90,8 @@ ELSEWHERE = "choose another folder with -o, or clear this one"
 
 def fingerprint(cell: Cell) -> str:
     """SHA-256 of what a cell file says, but for the port."""
-    said = {key: value for key, value in cell_entry(cell).items() if key != "controller"}
-    return sha256(dumps(said, sort_keys=True).encode()).hexdigest()
+    entry = {key: value for key, value in cell_entry(cell).items() if key != "controller"}
+    return sha256(dumps(entry, sort_keys=True).encode()).hexdigest()
 
 
 def touches_of(path: Path, cell: Cell, plan: Plan) -> Touches | None:

@@ -63,8 +63,8 @@ class MoreTouches:
     @cached_property
     def _rows(self) -> Float[np.ndarray, "touches unknowns"]:
         cell = self.calibration.cell
-        made = rows(cell.wire, [self.touches], cell.robot)
-        return self._prior.unknowns.rows(made, self.calibration.theta)
+        equations = rows(cell.wire, [self.touches], cell.robot)
+        return self._prior.unknowns.rows(equations, self.calibration.theta)
 
     @cached_property
     def _tip(self) -> Float[np.ndarray, "poses 3 unknowns"]:

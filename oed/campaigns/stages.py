@@ -66,7 +66,7 @@ class CampaignStore(Protocol):
         """The plan of a stage and what was noted with it, if there is one."""
         ...
 
-    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
+    def keep_plan(self, number: int, plan: Plan, notes: dict[str, Any]) -> Plan:
         """Keep a plan before it is touched; the plan as it would be read again."""
         ...
 
@@ -82,7 +82,7 @@ class NullStore:
         """There is none."""
         return None
 
-    def keep_plan(self, number: int, plan: Plan, told: dict[str, Any]) -> Plan:
+    def keep_plan(self, number: int, plan: Plan, notes: dict[str, Any]) -> Plan:
         """Hand it back."""
         return plan
 

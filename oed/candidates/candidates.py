@@ -119,22 +119,22 @@ def candidates(
     root = np.diag(cell.prior) if root is None else root
     size = int(np.clip(2 * count, *ROUND))
     search = _Search(cell, theta, root, share, margin, structured, int(EXPLORED * size), rng)
-    found: list[Candidates] = []
+    rounds: list[Candidates] = []
     for _ in range(max(ROUNDS, 3 * count // size)):
-        found.append(search.round(size))
-        if sum(map(len, found)) >= count or not len(found[0]):
+        rounds.append(search.round(size))
+        if sum(map(len, rounds)) >= count or not len(rounds[0]):
             break
-    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in found]) for name in COLUMNS}
-    all_found = Candidates(search.faces, **columns, margins=search.feasibility.margins, hits=search.hits)
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in rounds]) for name in COLUMNS}
+    every = Candidates(search.faces, **columns, margins=search.feasibility.margins, hits=search.hits)
     feasibility = search.feasibility
     missing = unreached(feasibility, search.tally)
-    if not len(all_found):
+    if not len(every):
         raise InputError("no touch can be made. " + " ".join(missing))
-    notes = (*missing, *warnings(cell, feasibility.margins, all_found.number > 0), *feasibility.clearance.notes)
-    hits = search.hits.requiring(all_found.face, all_found.hit)
-    sure = np.flatnonzero(hits.sure(all_found.face, all_found.hit))
+    notes = (*missing, *warnings(cell, feasibility.margins, every.number > 0), *feasibility.clearance.notes)
+    hits = search.hits.requiring(every.face, every.hit)
+    sure = np.flatnonzero(hits.sure(every.face, every.hit))
     some = rng.choice(sure, min(count, len(sure)), replace=False)
-    return replace(all_found.take(np.sort(some)), notes=notes, hits=hits)
+    return replace(every.take(np.sort(some)), notes=notes, hits=hits)
 
 
 def _require(cell: Cell) -> None:
@@ -171,34 +171,34 @@ class _Search:
         edge = np.minimum(EDGE / size, 0.4)
         around = spread(cell, edge, explored // 2, rng).followed_by(structured(cell, edge, explored // 2, rng))
         self.branches = Branches(cell, theta, _poses(cell, around), rng)
-        known = self.branches.known.within(cell.robot)
-        face = around.face[self.branches.order][known.pose]
-        kept = margins(cell, root, theta, face, known.q, share)
-        self.inset = np.minimum(kept.inset / size, 0.5)
-        self.feasibility = Feasibility(cell, theta, kept, margin)
+        solutions = self.branches.known.within(cell.robot)
+        face = around.face[self.branches.order][solutions.pose]
+        edges = margins(cell, root, theta, face, solutions.q, share)
+        self.inset = np.minimum(edges.inset / size, 0.5)
+        self.feasibility = Feasibility(cell, theta, edges, margin)
         self.hits = Hits(cell, theta, root)
         self.tally = np.zeros((len(self.faces), len(Infeasibility)), dtype=int)
 
     def round(self, size: int) -> Candidates:
         """Touches that pass, of about `size` targets."""
         many = int(self.regular * size)
-        wanted = spread(self.cell, self.inset, size - many, self.rng)
+        targets = spread(self.cell, self.inset, size - many, self.rng)
         if many:
-            wanted = structured(self.cell, self.inset, many, self.rng).followed_by(wanted)
-        found = self.branches.solve(_poses(self.cell, wanted))
-        face = wanted.face[found.pose]
-        q, tilt = found.q, wanted.tilt[found.pose]
+            targets = structured(self.cell, self.inset, many, self.rng).followed_by(targets)
+        solutions = self.branches.solve(_poses(self.cell, targets))
+        face = targets.face[solutions.pose]
+        q, tilt = solutions.q, targets.tilt[solutions.pose]
         if len(self.cell.robot.joints) < 5:
-            q, tilt = self._settled(wanted.take(found.pose), q)
+            q, tilt = self._settled(targets.take(solutions.pose), q)
         approach, infeasibility = self.feasibility.touch(face, q)
         np.add.at(self.tally, (face, infeasibility), 1)
         ok = infeasibility == Infeasibility.NONE
-        pose = found.pose[ok]
+        pose = solutions.pose[ok]
         return Candidates(
             self.faces,
             face[ok],
-            wanted.point[pose],
-            wanted.normal[pose],
+            targets.point[pose],
+            targets.normal[pose],
             tilt[ok],
             q[ok],
             approach[ok],
@@ -208,16 +208,16 @@ class _Search:
         )
 
     def _settled(
-        self, wanted: Targets, q: Float[np.ndarray, "touches joints"]
+        self, targets: Targets, q: Float[np.ndarray, "touches joints"]
     ) -> tuple[Float[np.ndarray, "touches joints"], Float[np.ndarray, " touches"]]:
         """Joints and tilts at contact, where the robot and not the target says how the wire stands."""
         for _ in range(3):
             tip, R = self.cell.kinematics.tip(q, self.theta)
-            tilt = np.arccos(np.clip(-(R[:, :, 2] * wanted.normal).sum(axis=1), -1.0, 1.0))
-            tip = replace(wanted, tilt=tilt).tip(self.cell)
+            tilt = np.arccos(np.clip(-(R[:, :, 2] * targets.normal).sum(axis=1), -1.0, 1.0))
+            tip = replace(targets, tilt=tilt).tip(self.cell)
             q = reach(self.cell.kinematics, self.theta, tip, R, q, free_orientation=True, iterations=5).q
         return q, tilt
 
 
-def _poses(cell: Cell, wanted: Targets) -> Poses:
-    return Poses(wanted.tip(cell), wanted.rotation, wanted.face)
+def _poses(cell: Cell, targets: Targets) -> Poses:
+    return Poses(targets.tip(cell), targets.rotation, targets.face)

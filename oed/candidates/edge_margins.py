@@ -43,24 +43,24 @@ def margins(
         sigma = np.linalg.norm(axes @ (J[face == i] @ root), axis=2)
         deviation[i] = np.percentile(sigma, TYPICAL, axis=0)
     size = np.stack([f.size for f in faces])
-    wanted = SIGMAS * np.nan_to_num(deviation, nan=np.inf)
-    inset = np.minimum(np.maximum(wanted[:, :2], EDGE), np.maximum(share * size / 2, EDGE))
+    need = SIGMAS * np.nan_to_num(deviation, nan=np.inf)
+    inset = np.minimum(np.maximum(need[:, :2], EDGE), np.maximum(share * size / 2, EDGE))
     room = max(cell.touch.travel - cell.touch.approach, 0.0)
-    return Margins(deviation, inset, np.minimum(np.maximum(wanted[:, 2], EDGE), room))
+    return Margins(deviation, inset, np.minimum(np.maximum(need[:, 2], EDGE), room))
 
 
-def warnings(cell: Cell, found: Margins, touched: Bool[np.ndarray, " faces"]) -> tuple[str, ...]:
+def warnings(cell: Cell, edges: Margins, touched: Bool[np.ndarray, " faces"]) -> tuple[str, ...]:
     """Sentences on faces that a robot as uncertain as this one may miss, and on searches that may not meet them."""
     faces, touch = cell.the_jig.faces, cell.touch
     out = []
-    wanted = SIGMAS * np.where(touched[:, None], found.deviation, 0.0)
-    if len(missed := np.flatnonzero((wanted[:, :2] > found.inset + 1e-9).any(axis=1))):
+    need = SIGMAS * np.where(touched[:, None], edges.deviation, 0.0)
+    if len(missed := np.flatnonzero((need[:, :2] > edges.inset + 1e-9).any(axis=1))):
         out.append(
-            f"the tip may be up to {wanted[missed, :2].max():.0f} mm off ({SIGMAS:g} sigma), but touches stay only "
-            f"{_span(found.inset[missed])} mm from the edges of {', '.join(faces[i].name for i in missed)}, or little "
+            f"the tip may be up to {need[missed, :2].max():.0f} mm off ({SIGMAS:g} sigma), but touches stay only "
+            f"{_span(edges.inset[missed])} mm from the edges of {', '.join(faces[i].name for i in missed)}, or little "
             "of these faces would be left."
         )
-    if (deep := wanted[:, 2].max(initial=0.0)) > min(touch.approach, touch.travel - touch.approach):
+    if (deep := need[:, 2].max(initial=0.0)) > min(touch.approach, touch.travel - touch.approach):
         out.append(
             f"the tip may be up to {deep:.0f} mm too near to a face or too far from it ({SIGMAS:g} sigma); the search "
             f"begins {touch.approach:g} mm before the planned contact and ends {touch.travel - touch.approach:g} mm "

@@ -77,11 +77,11 @@ class Feasibility:
     ) -> tuple[Float[np.ndarray, "touches joints"], Int[np.ndarray, " touches"]]:
         """Joint values of the approach to contacts on faces, and what each such touch fails at first."""
         infeasibility, approach = self.contact(face, q), q.copy()
-        left = np.flatnonzero(infeasibility == Infeasibility.NONE)
-        approach[left], exists = self.approach(face[left], q[left])
-        infeasibility[left[~exists]] = Infeasibility.APPROACH
-        left = left[exists]
-        infeasibility[left] = self.way(face[left], q[left], approach[left])
+        feasible = np.flatnonzero(infeasibility == Infeasibility.NONE)
+        approach[feasible], exists = self.approach(face[feasible], q[feasible])
+        infeasibility[feasible[~exists]] = Infeasibility.APPROACH
+        feasible = feasible[exists]
+        infeasibility[feasible] = self.way(face[feasible], q[feasible], approach[feasible])
         return approach, infeasibility
 
     def check(
@@ -92,8 +92,8 @@ class Feasibility:
     ) -> Int[np.ndarray, " touches"]:
         """What touches with approaches of their own fail at first."""
         infeasibility = self.contact(face, q)
-        left = np.flatnonzero(infeasibility == Infeasibility.NONE)
-        infeasibility[left] = self.way(face[left], q[left], approach[left])
+        feasible = np.flatnonzero(infeasibility == Infeasibility.NONE)
+        infeasibility[feasible] = self.way(face[feasible], q[feasible], approach[feasible])
         return infeasibility
 
     def contact(
@@ -114,7 +114,7 @@ class Feasibility:
         joints = len(self.cell.robot.joints)
         tip, R = self.cell.kinematics.tip(q, self.theta)
         above = tip + self.cell.touch.approach * self._frames[face, 2]
-        found = reach(
+        ends = reach(
             self.cell.kinematics,
             self.theta,
             above,
@@ -125,8 +125,8 @@ class Feasibility:
             iterations=8,
             tolerance=TOLERANCE / 10,
         )
-        turn = np.where(self.cell.robot.prismatic, 0.0, np.abs(found.q - q)).max(axis=1)
-        return found.q, found.reached(TOLERANCE) & (turn < TURN)
+        turn = np.where(self.cell.robot.prismatic, 0.0, np.abs(ends.q - q)).max(axis=1)
+        return ends.q, ends.reached(TOLERANCE) & (turn < TURN)
 
     def way(
         self,
@@ -158,10 +158,12 @@ class Feasibility:
         self, face: Int[np.ndarray, " touches"], q: Float[np.ndarray, "touches joints"], so_far: np.ndarray
     ) -> Int[np.ndarray, " touches"]:
         """Add collisions to touches without an infeasibility so far."""
-        out, left = so_far.copy(), np.flatnonzero(so_far == Infeasibility.NONE)
-        hit = self.clearance.hits(q[left], self._owners[face[left]], self.margin)
+        out, feasible = so_far.copy(), np.flatnonzero(so_far == Infeasibility.NONE)
+        hit = self.clearance.hits(q[feasible], self._owners[face[feasible]], self.margin)
         itself = hit == len(self.clearance.solids)
-        out[left] = np.where(hit == CLEAR, Infeasibility.NONE, np.where(itself, Infeasibility.ARM, Infeasibility.JIG))
+        out[feasible] = np.where(
+            hit == CLEAR, Infeasibility.NONE, np.where(itself, Infeasibility.ARM, Infeasibility.JIG)
+        )
         return out
 
     def _over(
@@ -235,16 +237,16 @@ def _unreached(feasibility: Feasibility, i: int) -> str:
     point = np.repeat(face.point(s, t), STARTS, axis=0)
     start = np.random.default_rng(4).uniform(robot.lower, robot.upper, (len(point), len(robot.joints)))
     R = np.broadcast_to(np.eye(3), (len(point), 3, 3))
-    found = reach(cell.kinematics, feasibility.theta, point, R, start, free_orientation=True, iterations=80)
-    near = found.residual < 0.01
+    ends = reach(cell.kinematics, feasibility.theta, point, R, start, free_orientation=True, iterations=80)
+    near = ends.residual < 0.01
     if not near.any():
         return (
-            f"is out of reach: the tip comes no nearer than {found.residual.min():.0f} mm; move the "
+            f"is out of reach: the tip comes no nearer than {ends.residual.min():.0f} mm; move the "
             "jig or the base, or check their poses in cell.yaml."
         )
-    if not (near & found.within_limits).any():
+    if not (near & ends.within_limits).any():
         return f"is reached only beyond the joint limits of robot '{robot.name}'."
-    _, R = cell.kinematics.tip(found.q[near & found.within_limits], feasibility.theta)
+    _, R = cell.kinematics.tip(ends.q[near & ends.within_limits], feasibility.theta)
     tilt = np.degrees(np.arccos(np.clip(-R[:, :, 2] @ face.normal, -1, 1).max()))
     return (
         f"is reached only with the wire about {tilt:.0f} degrees off its normal, more than "

@@ -75,12 +75,12 @@ class Branches:
     def solve(self, poses: Poses) -> Solutions:
         """Solutions within the joint limits, from those of the two nearest known poses of the group."""
         near = self.known.within(self.cell.robot, SLACK)
-        some, known = self._features(poses), self._features(near.poses)
+        some, neighbours = self._features(poses), self._features(near.poses)
         neighbour = np.full((len(poses), 2), -1)
         for group in np.unique(poses.group):
             here, there = poses.group == group, np.flatnonzero(near.poses.group == group)
             if len(there) > 1:
-                neighbour[here] = there[_nearest(some[here], known[there], 2)]
+                neighbour[here] = there[_nearest(some[here], neighbours[there], 2)]
         return self._both(poses, near, neighbour).within(self.cell.robot)
 
     def _both(self, poses: Poses, near: Solutions, neighbour: Int[np.ndarray, "poses 2"]) -> Solutions:
@@ -127,7 +127,7 @@ class Branches:
 
     def _solved(self, poses: Poses, pose: Int[np.ndarray, " starts"], start: np.ndarray, iterations: int) -> Solutions:
         """Solutions from given starts, each once."""
-        found = reach(
+        ends = reach(
             self.cell.kinematics,
             self.theta,
             poses.position[pose],
@@ -137,9 +137,9 @@ class Branches:
             free_orientation=self.task == POINT,
             iterations=iterations,
         )
-        ok = found.residual < TOLERANCE
-        keep = distinct(self.cell.robot, pose[ok], found.q[ok], self._most)
-        return Solutions(poses, pose[ok][keep], found.q[ok][keep])
+        ok = ends.residual < TOLERANCE
+        keep = distinct(self.cell.robot, pose[ok], ends.q[ok], self._most)
+        return Solutions(poses, pose[ok][keep], ends.q[ok][keep])
 
     def _features(self, poses: Poses) -> Float[np.ndarray, "poses features"]:
         """Numbers whose Euclidean distance tells how far poses are apart, in radians or LEVER millimetres."""
@@ -167,29 +167,29 @@ def distinct(
 
 
 def _new(
-    robot: Robot, found: Solutions, pose: Int[np.ndarray, " starts"], start: Float[np.ndarray, "starts joints"]
+    robot: Robot, solutions: Solutions, pose: Int[np.ndarray, " starts"], start: Float[np.ndarray, "starts joints"]
 ) -> Bool[np.ndarray, " starts"]:
     """Starts that are not next to a solution which their pose already has."""
-    first, behind = np.searchsorted(found.pose, pose), np.searchsorted(found.pose, pose, side="right")
+    first, behind = np.searchsorted(solutions.pose, pose), np.searchsorted(solutions.pose, pose, side="right")
     slides, new = np.array(robot.prismatic), np.ones(len(pose), dtype=bool)
     for k in range(int((behind - first).max(initial=0))):
         has = np.flatnonzero(first + k < behind)
-        way = np.abs(start[has] - found.q[first[has] + k])
+        way = np.abs(start[has] - solutions.q[first[has] + k])
         way = np.where(slides, way / LEVER, np.minimum(way, np.abs(2 * np.pi - way)))
         new[has] &= way.max(axis=1) > BESIDE
     return new
 
 
 def _nearest(
-    some: Float[np.ndarray, "some features"], known: Float[np.ndarray, "known features"], many: int
+    some: Float[np.ndarray, "some features"], neighbours: Float[np.ndarray, "known features"], many: int
 ) -> Int[np.ndarray, "some many"]:
     """The nearest known points of each, by one matrix product a block."""
-    middle = known.mean(axis=0)
-    known, some = (known - middle).astype(np.float32), (some - middle).astype(np.float32)
-    half = (known**2).sum(axis=1) / 2
+    middle = neighbours.mean(axis=0)
+    neighbours, some = (neighbours - middle).astype(np.float32), (some - middle).astype(np.float32)
+    half = (neighbours**2).sum(axis=1) / 2
     out = np.zeros((len(some), many), dtype=int)
     for i in range(0, len(some), BLOCK):
-        near = some[i : i + BLOCK] @ known.T - half
+        near = some[i : i + BLOCK] @ neighbours.T - half
         for k in range(many):
             best = out[i : i + BLOCK, k] = np.argmax(near, axis=1)
             near[np.arange(len(near)), best] = -np.inf

@@ -45,15 +45,15 @@ class Postures:
 def planned_cell(cell: Cell) -> tuple[Cell, tuple[str, ...]]:
     """The cell without frames and points that are to be fitted, which no plan can aim at, and a sentence about them."""
     parts = {"placements": cell.placements, "tools": cell.tools}
-    given: dict[str, dict[str, object]] = {
+    placed: dict[str, dict[str, object]] = {
         key: {name: frame for name, frame in frames_.items() if frame is not None} for key, frames_ in parts.items()
     }
     points = {name: point for name, point in cell.points.items() if point.position is not None}
-    left_out = [name for key, frames_ in parts.items() for name in frames_ if name not in given[key]]
+    left_out = [name for key, frames_ in parts.items() for name in frames_ if name not in placed[key]]
     left_out += [name for name in cell.points if name not in points]
     spacings = tuple(s for s in cell.spacings if {s.start, s.end} <= points.keys())
     notes = (f"not planned, since their place is to be fitted: {', '.join(left_out)}; write about where they are",)
-    some = replace(cell, points=points, spacings=spacings, **given)  # type: ignore[arg-type]
+    some = replace(cell, points=points, spacings=spacings, **placed)  # type: ignore[arg-type]
     return some, notes if left_out else ()
 
 
@@ -79,10 +79,10 @@ def measurements(
     whole, reasons = Postures(np.empty((0, len(cell.robot.joints))), np.empty(0, dtype=int)), np.empty(0, dtype=int)
     for _ in range(ROUNDS):
         clear = _clear(draw(cell, theta, rng, max(200, count)), kind, clearance)
-        seen = sight(cell, kind, clearance, clear.q, clear.placement, clear.tool)
-        reasons = np.append(reasons, seen)
-        found = clear.take(np.flatnonzero(seen == SEEN))
-        whole = whole.and_those(found) if len(whole.q) else found
+        views = sight(cell, kind, clearance, clear.q, clear.placement, clear.tool)
+        reasons = np.append(reasons, views)
+        visible = clear.take(np.flatnonzero(views == SEEN))
+        whole = whole.and_those(visible) if len(whole.q) else visible
         if len(whole.q) >= count:
             break
     note = unseen_note(cell.device(kind), kind, reasons)
@@ -92,12 +92,12 @@ def measurements(
     return table(cell, theta, whole.take(np.arange(min(len(whole.q), count)))), (note,) if note else ()
 
 
-def _clear(drawn: Postures, kind: str, clearance: Clearance) -> Postures:
+def _clear(postures: Postures, kind: str, clearance: Clearance) -> Postures:
     """Postures in which nothing meets jig or arm, but for a tip that sits in a socket."""
-    found = drawn.take(np.flatnonzero(clearance.hits(drawn.q) == CLEAR))
+    clear = postures.take(np.flatnonzero(clearance.hits(postures.q) == CLEAR))
     if kind == "contact":
-        return found
-    return found.take(np.flatnonzero(clearance.segment_gaps(*clearance.wire(found.q), WIRE) >= WIRE))
+        return clear
+    return clear.take(np.flatnonzero(clearance.segment_gaps(*clearance.wire(clear.q), WIRE) >= WIRE))
 
 
 def _free(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int, kind: str = "position") -> Postures:
@@ -169,10 +169,10 @@ def _ids(postures: Postures) -> tuple[str, ...]:
 def _tips(cell: Cell, theta: np.ndarray, at: Postures) -> tuple[np.ndarray, np.ndarray]:
     """Tips [mm] and rotations of postures with placements and tools of their own."""
     each = np.tile(theta, (len(at.q), 1))
-    for names, known, part in ((at.placement, cell.placements, slice(0, 6)), (at.tool, cell.tools, slice(-6, None))):
+    for names, poses, part in ((at.placement, cell.placements, slice(0, 6)), (at.tool, cell.tools, slice(-6, None))):
         for i, name in enumerate(names or ()):
             if name:
-                each[i, part] = known[name]
+                each[i, part] = poses[name]
     tip, R = cell.kinematics.tip(at.q, each)
     return tip, R
 
