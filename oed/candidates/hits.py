@@ -17,7 +17,7 @@ TINY = 1e-9  # [mm^2], so that a tip that cannot be off has places, too
 SURE = 0.98  # share of the robots that should meet a touch, or that which
 SUREST = 0.1  # of the postures of its face reach;
 POOR = 0.8  # where that is less, all postures are asked for: there is nothing sure on such a face
-BLOCK = 1_000  # touches looked at together
+BLOCK = 250  # touches looked at together, for the cache
 PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # 1/x and 1/x^2 of x^3 = x + 1 (Roberts 2018)
 TOWARDS = 0.05  # cosine between two normals, above which a search for one face also goes down to the other
 
@@ -71,7 +71,8 @@ class Hits:
             axes = np.stack([one.normal, one.u / one.size[0], np.cross(one.normal, one.u / one.size[0])])
             A = axes @ J @ root
             L = np.linalg.cholesky(A @ A.transpose(0, 2, 1) + TINY * np.eye(3))  # the normal first: its own quantiles
-            return np.asarray(np.einsum("kj,mij,ip->kmp", points, L, axes, optimize=True))
+            spread = np.einsum("mij,ip->jmp", L, axes)
+            return (points @ spread.reshape(3, -1)).reshape(PLACES, -1, 3)
 
         return np.asarray((self._outcomes(face, q, PLACES, off) == Outcome.MEETS).mean(axis=0))
 

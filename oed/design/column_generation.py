@@ -16,6 +16,8 @@ from oed.design.weight_limits import Admissible
 ROUNDS = 60  # 7 to 15 are usual
 SAMPLE = 5_000  # candidates that the starting columns are drawn from
 ALIKE = 0.8  # squared cosine of two candidates, as they are priced, above which only the better one joins in a round
+CARRIED = 1e-3  # of the largest weight: columns with less do not begin the next search
+NEARLY = 0.1  # gap of weights that another search found, on other candidates: hardly ever is it more
 POOL, BLOCK = 50_000, 4096  # candidates that may join, best first, and how many of them are compared at once
 
 
@@ -31,8 +33,11 @@ class Search:
         allowed: Admissible,
         blind: bool,
         owner: Owners | None = None,
+        start: Float[np.ndarray, " candidates"] | None = None,
     ):
-        """With `blind`, a share of the weight stays on all candidates.
+        """Weights of `start` are nearly the best, if most of them are given.
+
+        With `blind`, a share of the weight stays on all candidates.
 
         Weights that are best for a zone may leave open what the zone does not see, and the prices of their information
         are then no bound. The share, a part of the gap, keeps information regular and costs no more than itself.
@@ -40,8 +45,10 @@ class Search:
         self.rows, self.basis, self.allowed, self.touches = rows, basis, allowed, touches
         self.owners = Owners.single(len(rows)) if owner is None else owner
         self.prior = basis.T @ prior @ basis
-        self.columns = self._start()
-        self.weights = allowed.centre(self.columns)
+        start = None if start is None or start.sum() < 0.5 else start
+        self.columns = self._start() if start is None else self._carried(start)
+        self.weights = allowed.centre(self.columns) if start is None else start[self.columns]
+        self.smooth = 1.0 if start is None else NEARLY  # gap of the first master
         self.level, self.bound, self.rounds = 0.0, np.inf, 0
         self.everywhere = self._everywhere() if blind else None
         self.spread = 0.0  # that share
@@ -90,8 +97,16 @@ class Search:
         rest = np.ones(count, bool)
         rest[sample] = False
         order = np.concatenate([sample[np.argsort(-w, kind="stable")], np.flatnonzero(rest)])
-        few = 6 * p
-        while few < count and np.linalg.eigvalsh(self._mean(order[:few]))[0] < 1e-9:
+        return self._regular(order, 6 * p)
+
+    def _carried(self, start: Float[np.ndarray, " candidates"]) -> Int[np.ndarray, " columns"]:
+        """Candidates that carry weight already."""
+        return self._regular(np.argsort(-start, kind="stable"), int((start > CARRIED * start.max()).sum()))
+
+    def _regular(self, order: Int[np.ndarray, " candidates"], few: int) -> Int[np.ndarray, " columns"]:
+        """The first candidates of an order: a few, or as many as make information regular and hold all weight."""
+        few = max(few, self.basis.shape[1])
+        while few < len(order) and np.linalg.eigvalsh(self._mean(order[:few]))[0] < 1e-9:
             few *= 2
         return np.unique(np.concatenate([order[:few], self.allowed.enough(order)]))
 
@@ -117,7 +132,7 @@ class Search:
 
     def run(self, objective: Criterion, gap: float) -> None:
         """Rounds of master and pricing until the bound is met, or the objective cannot tell more."""
-        smooth = 1.0
+        smooth = self.smooth
         for _ in range(ROUNDS):
             self.rounds += 1
             self.spread = 0.0 if self.everywhere is None else max(min(0.01 * smooth, 0.01), 0.25 * gap)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from threadpoolctl import threadpool_limits
 
 from identify.model.cell import Cell
 from identify.model.files import InputError, nearest
@@ -63,6 +64,16 @@ class PlanResult:
     def __len__(self) -> int:
         return len(self.plan)
 
+    def __repr__(self) -> str:
+        near = "no bound" if self.efficiency is None else f"at least {100 * self.efficiency:.1f} % of the best on offer"
+        if self.manifold is not None:
+            near += f", {100 * self.manifold:.1f} % of the best of all as far as they were priced"
+        return (
+            f"<PlanResult: {len(self)} touches by {self.strategy} {self.criterion} in {self.minutes:.0f} minutes, {near}; "
+            f"promise {self.promise.rms_mm:.3f} mm RMS, {self.promise.p95_mm:.3f} mm at 95 % of the weld zone; "
+            f"{len(self.unseen)} unseen, {len(self.notes)} notes>"
+        )
+
 
 def plan(
     cell: Cell,
@@ -89,21 +100,24 @@ def plan(
     rng = np.random.default_rng(0) if rng is None else rng
     say = progress or (lambda what, share: None)
     _check(n, target, criterion, strategy, seconds)
-    say("finding touches that can be made", 0.0)
-    offered = candidate_set(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
-    setting = Setting(offered, criterion, strategy, rng, seconds)
-    if target is not None:
-        say("looking for the number of touches", 0.3)
-        n = smallest(offered, target, setting.quickly)
-    n = 50 if n is None else n
-    if n > len(offered.candidates):
-        raise InputError(f"{n} touches are asked for, and only {len(offered.candidates)} were found that can be made")
-    choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
-    while target is not None and offered.promise(choice.touches).p95_mm > target and n < len(offered.candidates):
-        n = min(max(n + 1, round(1.05 * n)), len(offered.candidates))  # what clear ways join is a little less good
+    with threadpool_limits(1):  # threads cost more than they save on small matrices, and their sums differ
+        say("finding touches that can be made", 0.0)
+        offered = candidate_set(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
+        setting = Setting(offered, criterion, strategy, rng, seconds)
+        if target is not None:
+            say("looking for the number of touches", 0.3)
+            n = smallest(offered, target, setting.quickly)
+        n = 50 if n is None else n
+        if n > len(offered.candidates):
+            raise InputError(
+                f"{n} touches are asked for, and only {len(offered.candidates)} were found that can be made"
+            )
         choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
-    say("done", 1.0)
-    return _result(setting, choice)
+        while target is not None and offered.promise(choice.touches).p95_mm > target and n < len(offered.candidates):
+            n = min(max(n + 1, round(1.05 * n)), len(offered.candidates))  # what clear ways join is a little less good
+            choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
+        say("done", 1.0)
+        return _result(setting, choice)
 
 
 def summary(result: PlanResult) -> dict[str, Any]:

@@ -87,7 +87,9 @@ class Setting:
         say("exchanging", 0.4)
         offered = self.offered.with_candidates(manifold.touches)
         seconds = None if self.seconds is None else self.seconds * EXCHANGE
-        best = Best(offered, n, self.criterion, searches=self._searches(n), seconds=seconds)
+        best = Best(
+            offered, n, self.criterion, searches=self._searches(n), seconds=seconds, relaxation=manifold.relaxation
+        )
         visit = visited(offered, expected(best), self.rng)
         bound, touches = best.bound(visit.allowed), offered.candidates.take(visit.order.index)
         say("refining", 0.7)

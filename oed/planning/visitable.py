@@ -137,7 +137,7 @@ class Best:
 
     `tip` holds the rows of the points that are to be exact, by all unknowns, those of the tip in the weld zone if not
     given; `searches` are local ones, fewer where touches have to be chosen again; with `seconds` the first choice takes
-    so long.
+    so long. `relaxation` is that of all touches on offer, where it is known.
     """
 
     offered: CandidateSet
@@ -146,6 +146,7 @@ class Best:
     tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
     searches: int = FEW
     seconds: float | None = None
+    relaxation: ApproximateDesign | None = None
 
     def __call__(
         self, allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None
@@ -173,17 +174,23 @@ class Best:
 
     def bound(self, allowed: Bool[np.ndarray, " touches"]) -> ApproximateDesign:
         """The best weights on touches, and the bound that they give."""
-        name = allowed.tobytes()
+        name, start = allowed.tobytes(), None
         if name not in self._bounds:
+            if self._bounds:
+                before, found = next(reversed(self._bounds.items()))
+                start = np.zeros(len(allowed))
+                start[np.frombuffer(before, bool)] = found.weights
+                start = start[allowed]
             self._bounds[name] = approximate_design(
-                self.rows[allowed], self.measure, GAP, touches=self.n, prior=self.coordinates.precision
+                self.rows[allowed], self.measure, GAP, touches=self.n, prior=self.coordinates.precision, start=start
             )
         return self._bounds[name]
 
     @cached_property
     def _bounds(self) -> dict[bytes, ApproximateDesign]:
         """By the touches that are allowed."""
-        return {}
+        every = np.ones(len(self.offered.candidates), dtype=bool).tobytes()
+        return {} if self.relaxation is None else {every: self.relaxation}
 
     @property
     def coordinates(self) -> Coordinates:

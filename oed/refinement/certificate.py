@@ -86,12 +86,13 @@ def generate_columns(
     """
     P, n, begin, polished = refinement.coordinates.precision, relaxation.touches, time.perf_counter(), 0
     count, S, supports, explored = len(touches), relaxation.support, list[np.ndarray](), np.zeros(len(touches), bool)
+    weights = relaxation.weights
     while True:
         starts, explored = _starts(touches, sensitivities(rows, S), explored)
         more = _polished(refinement, touches.take(starts), S, NEARLY * float(sensitivities(rows, S).max()))
         more = more if joined is None else more.take(joined(more))
         touches, rows = touches.followed_by(more), np.vstack([rows, _rows(refinement, more)])
-        explored = np.append(explored, np.ones(len(more), bool))
+        explored, weights = np.append(explored, np.ones(len(more), bool)), np.append(weights, np.zeros(len(more)))
         polished += len(starts)
         supports.append(S)
         gains = [sensitivities(rows, T) for T in supports]
@@ -100,12 +101,14 @@ def generate_columns(
         if progress:
             progress(share)
         close = gains[-1] > CLOSE * gains[-1].max()
-        next_design = approximate_design(rows[close], criterion, GAP, touches=n, prior=P)
+        next_design = approximate_design(rows[close], criterion, GAP, touches=n, prior=P, start=weights[close])
+        weights[:] = 0.0
+        weights[close] = next_design.weights
         met = min(levels) < (1 + MET) * next_design.level
         if share >= 1 or (met and (seconds is None or explored[close].all())):
             break
         S = next_design.support
-    relaxation = approximate_design(rows, criterion, GAP, touches=n, prior=P)
+    relaxation = approximate_design(rows, criterion, GAP, touches=n, prior=P, start=weights)
     certificate = Certificate(min(levels), len(rows), polished, len(supports), len(rows) - count)
     return Manifold(touches, rows, relaxation, certificate)
 

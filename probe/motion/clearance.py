@@ -41,6 +41,7 @@ MARGIN = 10.0  # [mm], from everything else
 WIRE = 3.0  # [mm], that the bare wire keeps from all but its own contact
 NEAR = 1.0  # [mm], of the torch from the solid whose face it touches: the tip itself holds this distance
 CHUNK = 1 << 17  # pairs of capsules and boxes at a time, for the cache
+MANY = 1 << 20  # of them, where bounds look at fewer at a time anyway: so that memory stays bounded
 CLEAR = -1
 
 
@@ -146,7 +147,7 @@ class Clearance:
         """
         hit, margin = np.full(len(q), CLEAR), np.broadcast_to(margin, len(q))
         least = np.minimum(margin, inside)
-        for part in self._chunks(len(q)):
+        for part in self._chunks(len(q), MANY):
             frames, out = self.frames(q[part]), hit[part]
             ends = placed(self.capsules, frames)
             self._against_obstacles(q[part], frames, ends, None if own is None else own[part], margin[part], out)
@@ -266,7 +267,7 @@ class Clearance:
         Negative where they meet, but no deeper than a radius; infinite where nothing could meet.
         """
         outside, inside = np.full(len(q), most), np.full(len(q), most)
-        for part in self._chunks(len(q)):
+        for part in self._chunks(len(q), CHUNK):
             frames = self.frames(q[part])
             start, end = placed(self.capsules, frames)
             for boxes in self.boxes:
@@ -294,6 +295,6 @@ class Clearance:
             gap = self.exact.distances(pair, frames, rows)
         least[rows] = np.minimum(least[rows], gap)
 
-    def _chunks(self, rows: int) -> Iterator[slice]:
+    def _chunks(self, rows: int, pairs: int) -> Iterator[slice]:
         boxes = sum(len(boxes.owner) for boxes in self.boxes)
-        return slices(rows, max(CHUNK // max(len(self.capsules) * max(boxes, len(self.pairs)), 1), 64))
+        return slices(rows, max(pairs // max(len(self.capsules) * max(boxes, len(self.pairs)), 1), 64))

@@ -17,7 +17,7 @@ from probe.motion.bodies import Body
 from probe.motion.distances import Boxes, Frames, near_boxes, placed, slices
 from probe.motion.mesh_distance import Exact, Pair
 
-ROWS = 1024  # postures at a time
+ROWS = 4096  # postures at a time
 CELL = np.radians(2.0)  # of a table
 SLACK = 0.5  # [mm], for what other joints change between two links: compliance
 

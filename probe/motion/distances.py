@@ -15,6 +15,7 @@ Points = Float[np.ndarray, "3 rows"]  # [mm]
 Corner = Float[np.ndarray, "3 *rows"]  # [mm], of one box, or of one box a row
 Segments = Float[np.ndarray, "3 segments postures"]  # [mm]
 Frames = Sequence[Float[np.ndarray, "postures 3 4"]]  # jig_T_link
+CHUNK = 1 << 15  # pairs of segments and boxes whose bounds are computed at a time, for the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +125,17 @@ def near_boxes(
     need: Float[np.ndarray, "#segments #boxes #postures"],
 ) -> tuple[Int[np.ndarray, " near"], Int[np.ndarray, " near"], Int[np.ndarray, " near"]]:
     """Segment, box and posture of all that come nearer to each other than `need` [mm], which is not negative."""
-    bound = segment_box_bound(start, end, lower, upper)
-    i, k, m = np.nonzero(bound < need * need)
+    shape = start.shape[1], lower.shape[1], start.shape[2]
+    need, found = np.broadcast_to(need, shape), []
+    for part in slices(shape[2], max(CHUNK // max(shape[0] * shape[1], 1), 64)):
+        least = need[:, :, part]
+        bound = segment_box_bound(start[:, :, part], end[:, :, part], lower, upper)
+        i, k, m = np.nonzero(bound < least * least)
+        found.append((i, k, m + part.start))
+    i, k, m = (np.concatenate(some) for some in zip(*found, strict=True)) if found else np.empty((3, 0), dtype=int)
     if not len(i):
         return i, k, m
-    least = np.broadcast_to(need, bound.shape)[i, k, m]
+    least = need[i, k, m]
     near = _nearer(start[:, i, m], end[:, i, m], lower[:, k], upper[:, k], least)
     return i[near], k[near], m[near]
 

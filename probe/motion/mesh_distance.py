@@ -153,21 +153,12 @@ def _shape(shape: Shape) -> Solid:
     if shape.kind == "sphere":
         return _same(coal.Sphere(*shape.size))
     vertices, triangles = shape.mesh
-    corners = coal.StdVec_Triangle()
-    for a, b, c in triangles.tolist():
-        corners.append(coal.Triangle(a, b, c))
     model = coal.BVHModelOBBRSS()
     model.beginModel(len(triangles), len(vertices))
-    model.addSubModel(_points(vertices), corners)
+    model.addVertices(vertices)
+    model.addTriangles(triangles)
     model.endModel()
     return Solid(model, _hull(vertices) or model)
-
-
-def _points(vertices: Float[np.ndarray, "vertices 3"]) -> Any:
-    points = coal.StdVec_Vec3s()
-    for vertex in vertices:
-        points.append(vertex)
-    return points
 
 
 def _hull(vertices: Float[np.ndarray, "vertices 3"]) -> Any:
@@ -178,7 +169,10 @@ def _hull(vertices: Float[np.ndarray, "vertices 3"]) -> Any:
         outer = ConvexHull(vertices).vertices
     except QhullError:
         return None
-    return coal.Convex.convexHull(_points(vertices[outer]), True, "Qt")
+    points = coal.StdVec_Vec3s()
+    for vertex in vertices[outer]:
+        points.append(vertex)
+    return coal.Convex.convexHull(points, True, "Qt")
 
 
 def _standing(solid: Obstacle) -> tuple[Solid, Any]:

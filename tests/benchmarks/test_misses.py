@@ -14,7 +14,7 @@ from published import CELLS, published_cell
 from identify.model.cell import DEG, Priors
 from oed.planning.plan import plan
 
-ROBOTS = 50
+ROBOTS = 200  # misses of one robot come together: of 50, they scatter by 0.8 %
 PRIORS = Priors((3.0, 0.5 * DEG), (3.0, 1.0 * DEG), (1.0, 0.3 * DEG))
 
 
@@ -35,6 +35,6 @@ def test_a_third_of_the_touches_leave_no_more_than_even_ones_on_robots_that_miss
         f"\n{name}: {n} optimal {one}; 100 even {other}; the promise of {few.promise.p95_mm:.3f} mm kept by {kept:.0%}"
     )
     assert np.median(one.rms) <= np.median(other.rms)
-    assert np.percentile(one.rms, 90) <= 1.05 * np.percentile(other.rms, 90)  # of 50 robots
+    assert np.percentile(one.rms, 90) <= 1.05 * np.percentile(other.rms, 90)  # of these robots
     assert kept >= 0.9
-    assert (~one.hit).mean() < 0.045
+    assert (~one.hit).mean() < 0.03

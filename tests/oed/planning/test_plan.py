@@ -145,6 +145,14 @@ def test_the_same_seed_gives_the_same_plan(arc_welder, optimal):
     assert plan_text(again.plan, arc_welder.robot) == plan_text(optimal.plan, arc_welder.robot)
 
 
+def test_a_result_shows_itself_in_a_few_lines(optimal):
+    shown = repr(optimal)
+
+    assert f"{len(optimal)} touches" in shown
+    assert f"{optimal.promise.p95_mm:.3f} mm" in shown
+    assert len(shown) < 4 * 80
+
+
 def test_the_summary_has_what_the_command_promises(optimal):
     told = summary(optimal)
 
