@@ -69,7 +69,7 @@ class PlanResult:
         if self.manifold is not None:
             near += f", {100 * self.manifold:.1f} % of the best of all as far as they were priced"
         return (
-            f"<PlanResult: {len(self)} touches by {self.strategy} {self.criterion} in {self.minutes:.0f} minutes, {near}; "
+            f"<PlanResult: {len(self)} touches, {self.strategy} {self.criterion}, {self.minutes:.0f} minutes, {near}; "
             f"promise {self.promise.rms_mm:.3f} mm RMS, {self.promise.p95_mm:.3f} mm at 95 % of the weld zone; "
             f"{len(self.unseen)} unseen, {len(self.notes)} notes>"
         )

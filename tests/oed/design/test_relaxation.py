@@ -47,7 +47,7 @@ def test_a_second_place_of_unknown_pose_that_shows_nothing_new_buys_nothing(seed
 @pytest.mark.parametrize("name", ["D", "V"])
 @pytest.mark.parametrize("lost", [0.3, 1.0])
 def test_a_search_that_begins_with_weights_of_other_candidates_finds_the_same_bound(name, lost):
-    rows, zone, rng = small(3, 3000, 9, 20)
+    rows, zone, _ = small(3, 3000, 9, 20)
     few = approximate_design(rows[:2000], name, 1e-4, zone=zone)
     start = np.concatenate([few.weights, np.zeros(1000)])
     start[np.flatnonzero(start > 1e-3)[: round(lost * (start > 1e-3).sum())]] = 0.0  # touches that are no longer there
