@@ -87,8 +87,8 @@ class Setting:
         say("exchanging", 0.4)
         offered = self.offered.with_candidates(manifold.touches)
         seconds = None if self.seconds is None else self.seconds * EXCHANGE
-        bound, searches = manifold.relaxation if self.measure.certified else None, self._searches(n)
-        best = Best(offered, n, self.criterion, searches=searches, seconds=seconds, relaxation=bound)
+        relaxation, searches = manifold.relaxation if self.measure.certified else None, self._searches(n)
+        best = Best(offered, n, self.criterion, searches=searches, seconds=seconds, relaxation=relaxation)
         visit = visited(offered, expected(best), self.rng)
         bound, touches = best.bound(visit.allowed), offered.candidates.take(visit.order.index)
         say("refining", 0.7)
