@@ -1,5 +1,6 @@
 """`touchcal campaign`."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +45,7 @@ def campaign(
     """
     import numpy as np
 
+    from identify.estimation.verdict import promised
     from identify.model.io.calibration_file import read_calibration, write_calibration
     from oed.campaigns.campaign import campaign, check_limits
     from oed.campaigns.connection import SIM
@@ -66,7 +68,8 @@ def campaign(
             tell=(lambda stage: None) if json else _line,
             progress=on_progress,
         )
-    write_calibration(output / "calibration.json", read_calibration(output / f"calibration-{len(result.stages)}.json"))
+    last = read_calibration(output / f"calibration-{len(result.stages)}.json")
+    write_calibration(output / "calibration.json", replace(last, promise=promised(last)))
     if json:
         print_json(summary(result))
     else:

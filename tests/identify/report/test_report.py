@@ -19,6 +19,7 @@ from identify.model.io.calibration_file import Finding, Term
 from identify.model.jig import Jig
 from identify.report.findings import chosen, findings
 from identify.report.report import report
+from identify.uncertainty.posterior import zone_promise
 from identify.uncertainty.zone_map import zone_map
 
 HOSTILE = "<script>document.title='owned'</script><!--"
@@ -56,6 +57,13 @@ def test_every_chart_has_titles_and_units(html):
     assert all("<figcaption>" in f and "aria-label" in f for f in figures)
     assert "residual, mm" in html
     assert "expected tip error (RMS), mm" in html
+
+
+def test_a_calibration_without_a_promise_gets_that_of_its_zone(calibration, measured):
+    page = report(replace(calibration, promise=None), [measured])
+
+    expected = zone_promise(calibration)
+    assert f"within {expected.p95_mm:.2f} mm at 95 % of the poses" in page
 
 
 def test_promised_and_delivered_stand_in_one_line(calibration, measured):
