@@ -55,19 +55,19 @@ class JointErrors:
         return full, Estimate(x * held, self.used, weight, noise, 0, 0.0)
 
 
-def with_joint_errors(problem: Problem, found: Estimate, rng: np.random.Generator) -> JointErrors:
+def with_joint_errors(problem: Problem, fit: Estimate, rng: np.random.Generator) -> JointErrors:
     """The estimate of a problem with the unknowns of all error models that its measurements can show.
 
     The sizes of the errors are chosen and averaged by `discrepancy.average`. Measurements that the geometry alone does
     not explain join those in use as far as they agree with them.
     """
-    extended = extend(problem, found.x, shown(problem.cell, problem.rows))
+    extended = extend(problem, fit.x, shown(problem.cell, problem.rows))
     counted = problem.rows.counted
-    unit = extended.unit(found.used)  # fitted to all rows, so many joint errors bend to gross ones
+    unit = extended.unit(fit.used)  # fitted to all rows, so many joint errors bend to gross ones
     used = (unit > 0) & counted if problem.loss != "linear" else counted
     _require_agreement(used[counted])
     selection = extended.selection(np.where(used, np.maximum(unit, 1e-9), 0.0), rng)
-    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(found.x))[0]
+    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(fit.x))[0]
     for _ in range(ROUNDS):
         models = _models(extended, used, tip, rng)
         near = relinearized(extended, _moved(extended, models.posterior(_linear(extended).take(used))))

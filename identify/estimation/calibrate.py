@@ -72,27 +72,27 @@ def calibrate(
         choice, cell = selection.terms, with_errors(cell, selection.errors)
         problem = Problem.pose(cell, whole, loss, priors)
         start = start if not selection.errors else None  # of another robot
-    found = estimate(problem, start)
+    result = estimate(problem, start)
     if parameters == "all":
-        problem, found = survivor(problem, found, tables)
-    problem, found, changes = with_changes(problem, found, tables)
+        problem, result = survivor(problem, result, tables)
+    problem, result, changes = with_changes(problem, result, tables)
     if parameters == "all":
-        problem, found = with_jig_as_it_is(problem, found)
-        problem, found = without_doubtful(problem, found, on_faces(tables))
-    if not problem.is_stationary(found.x, found.weight):
-        x = problem.theta(found.x)
+        problem, result = with_jig_as_it_is(problem, result)
+        problem, result = without_doubtful(problem, result, on_faces(tables))
+    if not problem.is_stationary(result.x, result.weight):
+        x = problem.theta(result.x)
         problem = problem.complete()
-        found = estimate(problem, x, found.used)
-    problem.require_rank(found.x, found.weight, "at the solution")
-    require_scale(problem.unknowns, problem.unknown(found.x), problem.rows)
-    fit = _Fit(problem, found, choice)
+        result = estimate(problem, x, result.used)
+    problem.require_rank(result.x, result.weight, "at the solution")
+    require_scale(problem.unknowns, problem.unknown(result.x), problem.rows)
+    fit = _Fit(problem, result, choice)
     if errors == "auto" and parameters == "all":
-        joint_errors = with_joint_errors(problem, found, rng)
+        joint_errors = with_joint_errors(problem, result, rng)
         full, last = joint_errors.problem(problem)
-        last = replace(last, iterations=found.iterations, seconds=found.seconds)
+        last = replace(last, iterations=result.iterations, seconds=result.seconds)
         fit = _Fit(full, last, joint_errors.selection.terms, joint_errors)
     held_out = fit.held_out(folds, rng)
-    wrong = labels(problem, found, whole) if parameters == "all" else ()
+    wrong = labels(problem, result, whole) if parameters == "all" else ()
     return _calibration(problem, fit, held_out, tables, whole, wrong, changes, inputs or {})
 
 
@@ -132,16 +132,16 @@ class _Fit:
         self, label: Int[np.ndarray, " rows"]
     ) -> Iterator[tuple[Bool[np.ndarray, " rows"], Float[np.ndarray, " out"]]]:
         """The rows of each region, and their residuals by the estimate from all others."""
-        problem, found = self.problem, self.estimate
+        problem, result = self.problem, self.estimate
         for region in np.unique(label):
-            out = (label == region) & found.used
-            weight = np.where(out, 0.0, found.weight)
-            if not out.any() or not problem.determined(found.x, weight):
+            out = (label == region) & result.used
+            weight = np.where(out, 0.0, result.weight)
+            if not out.any() or not problem.determined(result.x, weight):
                 continue
             if self.joint_errors is not None:
                 yield out, self.joint_errors.without(out)
             else:
-                yield out, problem.residual(problem.solve(found.x, weight, "linear").x)[out]
+                yield out, problem.residual(problem.solve(result.x, weight, "linear").x)[out]
 
 
 def _calibration(
@@ -154,19 +154,19 @@ def _calibration(
     changes: tuple[Change, ...],
     inputs: Mapping[str, str],
 ) -> Calibration:
-    problem, found = fit.problem, fit.estimate
+    problem, result = fit.problem, fit.estimate
     unknowns, count = problem.unknowns, len(problem.unknowns.parameters)
     names = problem.cell.robot.parameters
     covariance = fit.covariance() * np.outer(unknowns.scale, unknowns.scale)
-    x, residual = problem.unknown(found.x), problem.residual(found.x)
+    x, residual = problem.unknown(result.x), problem.residual(result.x)
     unit = dict(zip(names, problem.cell.robot.parameter_unit(), strict=True))
     combinations = {} if problem.structure is None else problem.structure.combinations
-    deviation, significant = scatter(problem, found)
-    seen = coordinates(problem.cell, problem.theta(found.x), problem.rows.q[found.used])
+    deviation, significant = scatter(problem, result)
+    places = coordinates(problem.cell, problem.theta(result.x), problem.rows.q[result.used])
     values, deviations = unknowns.origin + x * unknowns.scale, np.sqrt(np.diag(covariance))
     calibration = Calibration(
         cell=problem.cell,
-        theta=problem.theta(found.x),
+        theta=problem.theta(result.x),
         start=_start(geometry, problem),
         estimated=tuple(unknowns.names[:count]),
         combinations={
@@ -179,24 +179,24 @@ def _calibration(
         discrepancy=fit.discrepancy(),
         scatter=deviation,
         scatter_significant=significant,
-        weak=problem.weak(found.x, found.weight),
-        outliers=_worst(problem.rows, residual, ~found.used & problem.rows.counted),
-        fit=summarize(problem.rows.take(found.used).distances(residual[found.used])),
+        weak=problem.weak(result.x, result.weight),
+        outliers=_worst(problem.rows, residual, ~result.used & problem.rows.counted),
+        fit=summarize(problem.rows.take(result.used).distances(residual[result.used])),
         held_out=None if held_out is None else summarize(held_out),
-        residuals=_residuals(problem.rows, geometry.before, residual, found.used),
+        residuals=_residuals(problem.rows, geometry.before, residual, result.used),
         fingerprints=frozenset(fingerprints(recorded.q, recorded.offset[:, None])),
-        iterations=found.iterations,
-        solve_s=found.seconds,
+        iterations=result.iterations,
+        solve_s=result.seconds,
         choice=fit.choice,
         findings=(
             *_wrong_faces(wrong),
             *_doubtful(problem.rows),
             *(change.finding(unknowns, values, deviations) for change in changes),
-            *diagnose(problem, found, tables),
+            *diagnose(problem, result, tables),
             *_frames(geometry),
         ),
         inputs=dict(inputs),
-        spans={name: (float(value.min()), float(value.max())) for name, value in seen.items()},
+        spans={name: (float(value.min()), float(value.max())) for name, value in places.items()},
     )
     return replace(calibration, findings=(*face_findings(calibration), *calibration.findings))
 
@@ -259,5 +259,5 @@ def _residuals(
     """What every touch said before and after, in the order of the rows."""
     everywhere = np.ones(len(rows), dtype=bool)
     was, now = (_worst(rows, r, everywhere) for r in (before, after))
-    kept = {rows.ids[owner] for owner in np.unique(rows.owner[used])}
-    return {name: Residual(was[name], now[name], name in kept) for name in rows.ids}
+    names = {rows.ids[owner] for owner in np.unique(rows.owner[used])}
+    return {name: Residual(was[name], now[name], name in names) for name in rows.ids}

@@ -74,8 +74,8 @@ class Residuals:
         B = self._padded(columns)
         size = np.sqrt((B * B).sum(axis=1, keepdims=True))
         new, R = np.linalg.qr((B - self.Q @ (self.Q.T @ B)) / np.where(size > 0, size, 1.0))
-        kept = np.abs(np.diagonal(R, axis1=1, axis2=2)) > 1e-6
-        return [basis[:, some] for basis, some in zip(new, kept, strict=True)]
+        independent = np.abs(np.diagonal(R, axis1=1, axis2=2)) > 1e-6
+        return [basis[:, some] for basis, some in zip(new, independent, strict=True)]
 
     def fit(self, columns: Float[np.ndarray, "rows more"]) -> Float[np.ndarray, " more"]:
         """How much of each of some columns together the residuals hold."""
@@ -121,18 +121,18 @@ class Case:
         problem = self.problem
         parts = [part for _, _, part in problem.linearized(self.estimate.x)]
         r, weight = problem.residual(self.estimate.x), used / self.rows.sigma
-        known = np.flatnonzero(np.isfinite(problem.prior))
+        finite = np.flatnonzero(np.isfinite(problem.prior))
         m, n = len(r), len(problem.prior)
-        A, b = np.zeros((m + len(known), n)), np.empty(m + len(known))
+        A, b = np.zeros((m + len(finite), n)), np.empty(m + len(finite))
         np.multiply(np.concatenate(parts), weight[:, None], out=A[:m])
-        A[m + np.arange(len(known)), known] = 1 / problem.prior[known]
-        b[:m], b[m:] = r * weight, (self.estimate.x / problem.prior)[known]
+        A[m + np.arange(len(finite)), finite] = 1 / problem.prior[finite]
+        b[:m], b[m:] = r * weight, (self.estimate.x / problem.prior)[finite]
         Q, _ = np.linalg.qr(A / np.maximum(np.sqrt((A * A).sum(axis=0)), 1e-300))
-        left = b - Q @ (Q.T @ b)
+        rest = b - Q @ (Q.T @ b)
         freedom = np.count_nonzero(used) - float((Q[:m] ** 2).sum())  # of the measurements alone: priors may be wide
-        scatter = float(np.sqrt((CERTAIN + left[:m] @ left[:m]) / (CERTAIN + max(freedom, 0.0))))
-        degrees = CERTAIN + max(int(used.sum()) + len(known) - n, 0)
-        return Residuals(left / scatter, Q, weight / scatter, CERTAIN / scatter**2, degrees)
+        scatter = float(np.sqrt((CERTAIN + rest[:m] @ rest[:m]) / (CERTAIN + max(freedom, 0.0))))
+        degrees = CERTAIN + max(int(used.sum()) + len(finite) - n, 0)
+        return Residuals(rest / scatter, Q, weight / scatter, CERTAIN / scatter**2, degrees)
 
     def many_left_out(self) -> bool:
         """Whether so many rows are left out that a fault may be among them."""
@@ -163,7 +163,7 @@ class Change:
 
 
 def with_changes(
-    problem: Problem, found: Estimate, tables: Sequence[Measurements]
+    problem: Problem, fit: Estimate, tables: Sequence[Measurements]
 ) -> tuple[Problem, Estimate, tuple[Change, ...]]:
     """The problem with all that changed in time as unknowns, the surest change first, and its estimate.
 
@@ -171,19 +171,19 @@ def with_changes(
     """
     changes: tuple[Change, ...] = ()
     while len(changes) < LIMIT:
-        case = Case(problem, found, tables)
+        case = Case(problem, fit, tables)
         everything = np.ones(len(case.rows), dtype=bool)
-        asked = [case.residuals(found.used), *([case.residuals(everything)] if case.many_left_out() else [])]
-        residuals = max(asked, key=lambda some: abs(_cut(case, some)[2]) if len(asked) > 1 else 0.0)
-        seen = [some for some in (_stick_out(case, residuals), _drift(case, residuals)) if some is not None]
-        surest = max(seen, key=lambda some: some.gain, default=None)
+        cases = [case.residuals(fit.used), *([case.residuals(everything)] if case.many_left_out() else [])]
+        residuals = max(cases, key=lambda some: abs(_cut(case, some)[2]) if len(cases) > 1 else 0.0)
+        candidates = [some for some in (_stick_out(case, residuals), _drift(case, residuals)) if some is not None]
+        surest = max(candidates, key=lambda some: some.gain, default=None)
         names = {unknown.name for change in changes for unknown in change.unknowns}
         if surest is None or surest.unknowns[0].name in names:
             break
         problem = problem.with_shared(surest.unknowns)
-        found = estimate(problem, problem.theta(np.zeros(problem.size)))
+        fit = estimate(problem, problem.theta(np.zeros(problem.size)))
         changes = (*changes, surest)
-    return problem, found, changes
+    return problem, fit, changes
 
 
 def _stick_out(case: Case, residuals: Residuals) -> Change | None:
@@ -226,13 +226,13 @@ def _cut(case: Case, residuals: Residuals) -> tuple[Int[np.ndarray, " touches"],
     shared = from_the_end(b[:, None] * Q)
     whole = from_the_end(b * b)
     size = whole - (shared * shared).sum(axis=1)
-    seen = size > np.maximum(1e-6 * whole, 1e-12)
-    score = np.where(seen, from_the_end(b * r), 0.0)
-    sure = score / np.sqrt(np.where(seen, size, 1.0))
+    visible = size > np.maximum(1e-6 * whole, 1e-12)
+    score = np.where(visible, from_the_end(b * r), 0.0)
+    sure = score / np.sqrt(np.where(visible, size, 1.0))
     best = int(np.argmax(np.abs(sure)))
-    left = np.maximum(1 - sure**2 / residuals.total, 1e-9)  # the change is part of the scatter, and leaves it with each
-    near = np.flatnonzero(residuals.freedom * np.log(left / left[best]) < 3.84)
-    change = -float(score[best] / size[best]) if seen[best] else 0.0
+    rest = np.maximum(1 - sure**2 / residuals.total, 1e-9)  # the change is part of the scatter, and leaves it with each
+    near = np.flatnonzero(residuals.freedom * np.log(rest / rest[best]) < 3.84)
+    change = -float(score[best] / size[best]) if visible[best] else 0.0
     return np.concatenate([[best], near[near != best]]), change, residuals.deviations(float(sure[best] ** 2))
 
 

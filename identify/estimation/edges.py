@@ -22,16 +22,16 @@ GRAZING = 0.05  # largest cosine between a search and the normal of a face that 
 ROUNDS = 6
 
 
-def without_doubtful(problem: Problem, found: Estimate, touches: Touches | None) -> tuple[Problem, Estimate]:
+def without_doubtful(problem: Problem, fit: Estimate, touches: Touches | None) -> tuple[Problem, Estimate]:
     """The problem and the estimate in which touches that may have met another face count nothing (sigma infinite).
 
     Without the table of touches nothing changes. After ROUNDS every touch that was doubtful once stays out.
     """
     if touches is None or problem.cell.jig is None:
-        return problem, found
+        return problem, fit
     stated, before = problem.rows, list[Bool[np.ndarray, " rows"]]()
     for number in range(ROUNDS):
-        doubtful = doubts(problem, found, touches, stated.sigma) < CERTAIN
+        doubtful = doubts(problem, fit, touches, stated.sigma) < CERTAIN
         if number == ROUNDS - 1:
             doubtful = np.logical_or.reduce([doubtful, *before])
         if np.array_equal(doubtful, before[-1] if before else np.zeros(len(doubtful), dtype=bool)):
@@ -39,14 +39,14 @@ def without_doubtful(problem: Problem, found: Estimate, touches: Touches | None)
         before.append(doubtful)
         reduced = replace(problem, rows=replace(stated, sigma=np.where(doubtful, np.inf, stated.sigma)))
         try:
-            problem, found = reduced, estimate(reduced, problem.theta(found.x))
+            problem, fit = reduced, estimate(reduced, problem.theta(fit.x))
         except CalibrationFailed:
             break
-    return problem, found
+    return problem, fit
 
 
 def doubts(
-    problem: Problem, found: Estimate, touches: Touches, sigma: Float[np.ndarray, " rows"]
+    problem: Problem, fit: Estimate, touches: Touches, sigma: Float[np.ndarray, " rows"]
 ) -> Float[np.ndarray, " rows"]:
     """Logarithm of the odds of the face of each touch against the most probable other one; infinite far from others.
 
@@ -54,14 +54,14 @@ def doubts(
     row a, its leverage h = w^2 a'Ca and its residual r, the others put the coordinates C a w^2 r / (1 - h) farther, and
     their covariance is C + w^2 C a a'C / (1 - h).
     """
-    rows, noise = problem.rows, max(found.noise, 1.0)
-    touch, face = _pairs(problem, found, touches)
+    rows, noise = problem.rows, max(fit.noise, 1.0)
+    touch, face = _pairs(problem, fit, touches)
     odds = np.full(len(rows), np.inf)
     if not len(touch):
         return odds
-    C, own = problem.covariance(found.x, found.weight), found.weight**2
-    A = np.concatenate([J for _, _, J in problem.linearized(found.x)])
-    r = problem.residual(found.x)
+    C, own = problem.covariance(fit.x, fit.weight), fit.weight**2
+    A = np.concatenate([J for _, _, J in problem.linearized(fit.x)])
+    r = problem.residual(fit.x)
     CA = A @ C
     rest = np.clip(1 - own * (CA * A).sum(axis=1), 1e-6, 1.0)
     faces = problem.cell.the_jig.faces
@@ -72,7 +72,7 @@ def doubts(
         offset=np.array([faces[k].offset for k in face]) + problem.cell.wire.ball,
         sigma=sigma[touch],
     )
-    away, J = problem.unknowns.linearize(problem.unknown(found.x), other)
+    away, J = problem.unknowns.linearize(problem.unknown(fit.x), other)
     B = J @ problem.basis
     across = (B * CA[touch]).sum(axis=1)
     away = away + across * (own * r / rest)[touch]
@@ -88,11 +88,11 @@ def _log_density(r: Float[np.ndarray, " rows"], variance: Float[np.ndarray, " ro
 
 
 def _pairs(
-    problem: Problem, found: Estimate, touches: Touches
+    problem: Problem, fit: Estimate, touches: Touches
 ) -> tuple[Int[np.ndarray, " pairs"], Int[np.ndarray, " pairs"]]:
     """Touches, and other faces that each of them may have met: near, not beside them, and not looked at from behind."""
     cell, rows = problem.cell, problem.rows
-    theta = problem.theta(found.x)
+    theta = problem.theta(fit.x)
     tip = cell.kinematics.tip(rows.q, theta)[0]
     step = np.zeros_like(tip)
     if touches.approach is not None:

@@ -54,13 +54,13 @@ def believe(cell: Cell, touches: Touches, before: Belief | None = None) -> Belie
     `before`, of fewer touches, is where one of the searches begins.
     """
     search = _Search(cell, touches)
-    starts, found = search.starts(), list[End]()
-    known = [] if before is None else [before.theta]
+    starts, best = search.starts(), list[End]()
+    starting = [] if before is None else [before.theta]
     for blur in BLUR:
-        ends = (search.settle(theta, blur) for theta in [*known, *(theta for theta, _ in found), *starts])
-        found = search.different(ends)
-        starts = search.around(found, blur) if blur > LATEST else []
-    return search.belief(*search.plainest(min(found, key=lambda end: search.surprise(*end))))
+        ends = (search.settle(theta, blur) for theta in [*starting, *(theta for theta, _ in best), *starts])
+        best = search.different(ends)
+        starts = search.around(best, blur) if blur > LATEST else []
+    return search.belief(*search.plainest(min(best, key=lambda end: search.surprise(*end))))
 
 
 End = tuple[Float[np.ndarray, " parameters"], Int[np.ndarray, " touches"]]  # parameters and faces that go together
@@ -76,8 +76,8 @@ class _Search:
         self.free = free(self.cell)
         self.prior = self.cell.prior[self.free]
         self.model = measurement_model(self.cell.robot)
-        found = rows(self.cell.wire, [self.touches], self.cell.robot)
-        self.rows = with_face_scatter(self.cell, found)
+        equations = rows(self.cell.wire, [self.touches], self.cell.robot)
+        self.rows = with_face_scatter(self.cell, equations)
         self.rough = np.arange(len(faces)) >= len(self.cell.the_jig.faces)
         self.names = tuple(f.name for f in faces)
         self.normal, self.offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])
@@ -89,11 +89,11 @@ class _Search:
     def starts(self) -> list[Float[np.ndarray, " parameters"]]:
         """The nominal robot, and those drawn from the tolerances that fit the touches best."""
         rng = np.random.default_rng(0)
-        drawn = np.tile(self.cell.theta, (DRAWS, 1))
-        drawn[:, self.free] += self.prior * rng.standard_normal((DRAWS, len(self.prior)))
-        score = np.array([np.minimum(self._misfit(theta, BLUR[0]).min(axis=1), 9.0).sum() for theta in drawn])
+        draws = np.tile(self.cell.theta, (DRAWS, 1))
+        draws[:, self.free] += self.prior * rng.standard_normal((DRAWS, len(self.prior)))
+        score = np.array([np.minimum(self._misfit(theta, BLUR[0]).min(axis=1), 9.0).sum() for theta in draws])
         best = np.argsort(score)[:STARTS]
-        return [self.cell.theta, *drawn[best]]
+        return [self.cell.theta, *draws[best]]
 
     def settle(self, theta: Float[np.ndarray, " parameters"], blur: float) -> End:
         """Parameters and faces that go together where touches are taken as exactly as the blur [mm] says."""
@@ -102,8 +102,8 @@ class _Search:
             off = self._misfit(theta, blur)[every, face]
             before, (theta, _) = theta, self.solve(theta, face, blur * (1 + off / DOUBTED**2), steps=2)
             again = self.nearest(theta, blur)
-            moved = np.abs((theta - before)[self.free] / self.prior).max()
-            if np.array_equal(again, face) and moved < SETTLED:
+            change = np.abs((theta - before)[self.free] / self.prior).max()
+            if np.array_equal(again, face) and change < SETTLED:
                 break
             face = again
         return theta, face
@@ -118,23 +118,23 @@ class _Search:
 
     def different(self, ends: Iterable[End]) -> list[End]:
         """One of each that are alike."""
-        found = list[End]()
+        distinct = list[End]()
         for theta, face in ends:
-            near = (np.abs((theta - other)[self.free] / self.prior).max() < ALIKE_ROBOTS for other, _ in found)
+            near = (np.abs((theta - other)[self.free] / self.prior).max() < ALIKE_ROBOTS for other, _ in distinct)
             if not any(near):
-                found.append((theta, face))
-        return found
+                distinct.append((theta, face))
+        return distinct
 
     def around(self, ends: Sequence[End], blur: float) -> list[Float[np.ndarray, " parameters"]]:
         """Other robots that touches taken as exactly as the blur says leave possible, drawn beside each of the ends."""
-        rng, drawn = np.random.default_rng(len(ends)), list[Float[np.ndarray, " parameters"]]()
+        rng, draws = np.random.default_rng(len(ends)), list[Float[np.ndarray, " parameters"]]()
         for theta, face in ends:
             C = self.solve(theta, face, np.full(len(face), blur), steps=1)[1]
             for z in rng.standard_normal((max(1, STARTS // len(ends)), len(C))):
                 other = theta.copy()
                 other[self.free] += self.prior * (np.linalg.cholesky(C) @ z)
-                drawn.append(other)
-        return drawn
+                draws.append(other)
+        return draws
 
     def surprise(self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]) -> float:
         """Minus twice the logarithm of the posterior density; what is far from every face counts as an outlier."""
@@ -150,8 +150,8 @@ class _Search:
             theta, C = self.solve(theta, face, np.where(used, sigma, np.inf), steps=STEPS)
             r, J = self._linearize(theta, face)
             W = J[:, self.free] * self.prior / sigma[:, None]
-            known = np.einsum("ij,jk,ik->i", W, C, W)
-            away = np.where(used, np.abs(r) / sigma / np.sqrt(np.clip(1 - known, 1e-9, 1)), 0.0)
+            variance = np.einsum("ij,jk,ik->i", W, C, W)
+            away = np.where(used, np.abs(r) / sigma / np.sqrt(np.clip(1 - variance, 1e-9, 1)), 0.0)
             worst = int(np.argmax(away))
             if away[worst] <= BEYOND:
                 break
@@ -193,8 +193,8 @@ class _Search:
         self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]
     ) -> tuple[Float[np.ndarray, " touches"], Float[np.ndarray, "touches parameters"]]:
         offset = self.offset[face] + self.cell.wire.ball
-        found = replace(self.rows, normal=self.normal[face], offset=offset)
-        return self.model.linearize(theta, found)
+        equations = replace(self.rows, normal=self.normal[face], offset=offset)
+        return self.model.linearize(theta, equations)
 
     def _misfit(self, theta: Float[np.ndarray, " parameters"], blur: float) -> Float[np.ndarray, "touches faces"]:
         """Squared distances of the tip from every face, its edges considered, in units of the blur."""
@@ -238,18 +238,18 @@ def free(cell: Cell) -> Bool[np.ndarray, " parameters"]:
 
 def provisional(cell: Cell, belief: Belief) -> Calibration:
     """A belief in the shape of a calibration, to plan touches after it; all free parameters are in it."""
-    names, known = cell.robot.parameters, free(cell)
-    found: Rows = rows(cell.wire, [belief.touches], cell.robot)
+    names, free_parameters = cell.robot.parameters, free(cell)
+    equations: Rows = rows(cell.wire, [belief.touches], cell.robot)
     model, ids = measurement_model(cell.robot), belief.touches.ids
-    before, after = (model.residual(theta, found) for theta in (cell.theta, belief.theta))
+    before, after = (model.residual(theta, equations) for theta in (cell.theta, belief.theta))
     good = after[belief.used]
     return Calibration(
         cell=cell,
         theta=belief.theta,
         start=cell.theta,
-        estimated=tuple(name for name, use in zip(names, known, strict=True) if use),
+        estimated=tuple(name for name, use in zip(names, free_parameters, strict=True) if use),
         combinations={},
-        covariance=belief.covariance[np.ix_(known, known)],
+        covariance=belief.covariance[np.ix_(free_parameters, free_parameters)],
         scatter=1.0,
         scatter_significant=False,
         weak=(),
@@ -260,7 +260,7 @@ def provisional(cell: Cell, belief: Belief) -> Calibration:
             name: Residual(float(was), float(now), bool(use))
             for name, was, now, use in zip(ids, before, after, belief.used, strict=True)
         },
-        fingerprints=frozenset(fingerprints(found.q, found.offset[:, None])),
+        fingerprints=frozenset(fingerprints(equations.q, equations.offset[:, None])),
         iterations=0,
         solve_s=0.0,
     )

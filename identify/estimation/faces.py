@@ -18,25 +18,25 @@ STEPS = 10  # of expectation and maximization
 NAMED = 4.0  # standard deviations that the tolerance does not explain
 
 
-def with_jig_as_it_is(problem: Problem, found: Estimate) -> tuple[Problem, Estimate]:
+def with_jig_as_it_is(problem: Problem, fit: Estimate) -> tuple[Problem, Estimate]:
     """The problem with the tolerances of all faces as wide as the touches show them to be, and its estimate.
 
     A test of the estimated offsets decides whether the jig is worse than stated; expectation and maximization finds by
     how much.
     """
     places = _places(problem)
-    if not len(places) or surprise(*_offsets(problem, found, places)) > CHANCE:
-        return problem, found
+    if not len(places) or surprise(*_offsets(problem, fit, places)) > CHANCE:
+        return problem, fit
     stated, factor = problem, 1.0
     for _ in range(STEPS):
-        b, C = _offsets(problem, found, places)
+        b, C = _offsets(problem, fit, places)
         square = (b * b + np.diag(C)).sum() * factor**2  # in units of the stated tolerances
         before, factor = factor, float(np.sqrt((CERTAIN + square) / (CERTAIN + len(b))))
         problem = _scaled(stated, places, max(factor, 1.0))
-        found = estimate(problem, problem.theta(np.zeros(problem.size)))
+        fit = estimate(problem, problem.theta(np.zeros(problem.size)))
         if abs(factor - before) < 0.02 * before:
             break
-    return problem, found
+    return problem, fit
 
 
 def surprise(b: Float[np.ndarray, " faces"], C: Float[np.ndarray, "faces faces"]) -> float:
@@ -45,10 +45,10 @@ def surprise(b: Float[np.ndarray, " faces"], C: Float[np.ndarray, "faces faces"]
     b are the estimates and C their posterior covariance, in units of the tolerances: estimates scatter by 1 - C.
     """
     value, vector = np.linalg.eigh(np.eye(len(b)) - C)
-    seen = value > 0.05
-    if not seen.any():
+    visible = value > 0.05
+    if not visible.any():
         return 1.0
-    return float(chdtrc(seen.sum(), (((vector.T @ b)[seen]) ** 2 / value[seen]).sum()))
+    return float(chdtrc(visible.sum(), (((vector.T @ b)[visible]) ** 2 / value[visible]).sum()))
 
 
 def _places(problem: Problem) -> Int[np.ndarray, " faces"]:
@@ -58,10 +58,10 @@ def _places(problem: Problem) -> Int[np.ndarray, " faces"]:
 
 
 def _offsets(
-    problem: Problem, found: Estimate, places: Int[np.ndarray, " faces"]
+    problem: Problem, fit: Estimate, places: Int[np.ndarray, " faces"]
 ) -> tuple[Float[np.ndarray, " faces"], Float[np.ndarray, "faces faces"]]:
-    C = problem.of_unknowns(problem.covariance(found.x, found.weight))
-    return problem.unknown(found.x)[places], C[np.ix_(places, places)]
+    C = problem.of_unknowns(problem.covariance(fit.x, fit.weight))
+    return problem.unknown(fit.x)[places], C[np.ix_(places, places)]
 
 
 def _scaled(problem: Problem, places: Int[np.ndarray, " faces"], factor: float) -> Problem:

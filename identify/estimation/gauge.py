@@ -27,8 +27,8 @@ def without_gauge(
     unit[unit == 0] = 1.0
     s, Vt = np.linalg.svd(J / unit)[1:]
     rank = int((s > UNSEEN * s[0]).sum())
-    seen = np.linalg.qr(Vt[:rank].T / unit[:, None])[0]
-    return np.hstack([basis[:, ~loose], basis[:, loose] @ seen])
+    visible = np.linalg.qr(Vt[:rank].T / unit[:, None])[0]
+    return np.hstack([basis[:, ~loose], basis[:, loose] @ visible])
 
 
 def _consistent(
@@ -72,12 +72,12 @@ def require_scale(unknowns: Unknowns, x: Float[np.ndarray, " unknowns"], rows: R
         return
     values = unknowns.origin + x * unknowns.scale + [loose.get(name, 0.0) for name in unknowns.names]
     values[: len(unknowns.parameters)] = unknowns.theta(x)[unknowns.parameters]
-    known = {shared.name for shared in unknowns.shared} - loose.keys()
+    fixed_names = {shared.name for shared in unknowns.shared} - loose.keys()
     pairs = zip(unknowns.names, unknowns.units, strict=True)
-    lengths = np.array([unit == "mm" and name not in known for name, unit in pairs])
+    lengths = np.array([unit == "mm" and name not in fixed_names for name, unit in pairs])
     shrink = np.where(lengths, values / unknowns.scale, 0.0)
-    seen = unknowns.linearize(x, rows)[1] @ shrink / rows.sigma
-    if SHRUNK * np.linalg.norm(seen) < 1:
+    shares = unknowns.linearize(x, rows)[1] @ shrink / rows.sigma
+    if SHRUNK * np.linalg.norm(shares) < 1:
         raise InputError(
             "no length is known among what was measured: the robot and all placements could shrink together, and no "
             "measurement would notice. Give one length: a distance between two points (spacings:), a distance to a "

@@ -89,10 +89,10 @@ class Program:
         """The minimum, and Ipopt's statistics."""
         self._at, self._basis, unit = at, basis, np.diag(basis)
         try:
-            found = self._solver(x0=np.linalg.solve(basis, start), lbx=lower / unit, ubx=upper / unit)
+            solution = self._solver(x0=np.linalg.solve(basis, start), lbx=lower / unit, ubx=upper / unit)
         finally:
             self._at = None
-        return basis @ np.array(found["x"]).ravel(), self._solver.stats()
+        return basis @ np.array(solution["x"]).ravel(), self._solver.stats()
 
     def _there(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         assert self._at is not None
@@ -135,8 +135,8 @@ class _Part(ca.Callback):
         return True
 
     def eval_buffer(self, arguments: Any, results: Any) -> int:
-        found = self._evaluate(np.frombuffer(arguments[0]))
-        for result, value in zip(results, found, strict=True):
+        values = self._evaluate(np.frombuffer(arguments[0]))
+        for result, value in zip(results, values, strict=True):
             if result is not None:  # it was not asked for
                 np.frombuffer(result)[:] = value
         return 0
@@ -147,5 +147,5 @@ def ipopt_version() -> str:
     x, out = ca.SX.sym("x"), io.StringIO()
     with redirect_stdout(out):
         ca.nlpsol("version", "ipopt", {"x": x, "f": x * x}, {"ipopt.max_iter": 0})()
-    found = re.search(r"Ipopt version (\d+(\.\d+)*)", out.getvalue())
-    return found[1] if found else "unknown"
+    match = re.search(r"Ipopt version (\d+(\.\d+)*)", out.getvalue())
+    return match[1] if match else "unknown"

@@ -137,9 +137,9 @@ class LeastSquares:
         begin = time.perf_counter()
         x, status, iterations = self._minimized(start, NEAR if self._free else EXACT)
         if self._free and status == SOLVED:
-            x, steps, left = self._polished(x, STEPS, THERE)
+            x, steps, rest = self._polished(x, STEPS, THERE)
             iterations += steps
-            if not left < THERE:
+            if not rest < THERE:
                 x, status, more = self._minimized(x, EXACT)
                 iterations += more
         if status == "Solved_To_Acceptable_Level" and not self._stalled(x):
@@ -157,8 +157,8 @@ class LeastSquares:
         self, objective: Objective, start: Float[np.ndarray, " unknowns"]
     ) -> Float[np.ndarray, " unknowns"] | None:
         """The minimum of an objective like this one, if Newton steps alone lead there, each shorter than the last."""
-        x, _, left = self._polished(start, WALK, NEARLY, objective)
-        return x if left < NEARLY else None
+        x, _, rest = self._polished(start, WALK, NEARLY, objective)
+        return x if rest < NEARLY else None
 
     def _polished(
         self, x: Float[np.ndarray, " unknowns"], most: int, enough: float, objective: Objective | None = None

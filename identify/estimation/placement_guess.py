@@ -19,12 +19,12 @@ def with_further(
     """The start x [prior deviations], with what is to be fitted where it stands by the robot as it starts."""
     if not any(unknown.precision == 0 for unknown in unknowns.named):
         return x
-    x, found = x.copy(), further_start(unknowns.cell, rows, theta)
+    x, guess = x.copy(), further_start(unknowns.cell, rows, theta)
     first = len(unknowns) - sum(len(unknown.nominal) for unknown in unknowns.named)
     for unknown in unknowns.named:
         part = slice(first, first + len(unknown.nominal))
         if unknown.precision == 0:
-            x[part] = (found[f"{unknown.column}.{unknown.name}"] - unknown.nominal) / unknown.scale
+            x[part] = (guess[f"{unknown.column}.{unknown.name}"] - unknown.nominal) / unknown.scale
         first = part.stop
     return x
 
@@ -41,15 +41,15 @@ def further_start(cell: Cell, rows: Rows, theta: Float[np.ndarray, " parameters"
     open_stands = [name for name, frame in cell.placements.items() if frame is None]
     tips = _tips(cell, rows, theta)
     while open_points or open_stands:
-        known = [name for name in open_stands if _seen(rows, places, name)]
-        for name in known:
+        tied_stands = [name for name in open_stands if _seen(rows, places, name)]
+        for name in tied_stands:
             stands[name] = _stand(cell, rows, tips, places, name)
             open_stands.remove(name)
-        seen = [name for name in open_points if any(_rows_of(rows, stand, name).any() for stand in stands)]
-        for name in seen:
+        tied_points = [name for name in open_points if any(_rows_of(rows, stand, name).any() for stand in stands)]
+        for name in tied_points:
             places[name] = _point(rows, tips, stands, name)
             open_points.remove(name)
-        if not known and not seen:
+        if not tied_stands and not tied_points:
             if not open_stands:
                 raise InputError(f"point '{open_points[0]}' was not measured; measure it, or take it out of points:")
             name = open_stands.pop(0)  # nothing ties it to the others: its frame is that of the robot's base

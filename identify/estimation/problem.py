@@ -75,11 +75,11 @@ class Problem:
             if not priors:
                 everything(cell, priors)
             problem = cls._of_all(cell, rows, start, loss)
-        needed = len(problem.required)
-        if len(rows) < max(needed, 1):
+        least = len(problem.required)
+        if len(rows) < max(least, 1):
             raise InputError(
-                f"{len(rows)} equations cannot determine {needed} parameters; make at least "
-                f"{max(needed, 1) - len(rows)} more touches, better {2 * needed - len(rows)}, spread over all faces "
+                f"{len(rows)} equations cannot determine {least} parameters; make at least "
+                f"{max(least, 1) - len(rows)} more touches, better {2 * least - len(rows)}, spread over all faces "
                 "and the range of every joint"
             )
         problem.require_rank(np.zeros(problem.size), 1 / problem.rows.sigma, "at these touches")
@@ -90,10 +90,10 @@ class Problem:
         cls, cell: Cell, rows: Rows, start: Float[np.ndarray, " parameters"], loss: str, priors: bool
     ) -> "Problem":
         """The paper's problem: parameters that the drawing makes dependent are dropped, faces are noise."""
-        found = structure(cell, start, still_joints(rows), rows.conditions)
-        unknowns = Unknowns(cell, np.array(found.kept, dtype=int))
+        dependencies = structure(cell, start, still_joints(rows), rows.conditions)
+        unknowns = Unknowns(cell, np.array(dependencies.kept, dtype=int))
         origin = (start - cell.theta)[unknowns.parameters] / unknowns.scale
-        return cls(cell, rows, unknowns, origin, np.eye(len(unknowns)), found, priors, loss)
+        return cls(cell, rows, unknowns, origin, np.eye(len(unknowns)), dependencies, priors, loss)
 
     @classmethod
     def _of_all(cls, cell: Cell, rows: Rows, start: Float[np.ndarray, " parameters"], loss: str) -> "Problem":
@@ -104,11 +104,11 @@ class Problem:
         origin[: len(some)] = (start - cell.theta)[some] / unknowns.scale[: len(some)]
         basis = np.eye(len(unknowns))
         if not cell.bounds:
-            seen = visible(cell, start, some, still_joints(rows), rows.conditions, bool(rows.radius.any()))
+            shares = visible(cell, start, some, still_joints(rows), rows.conditions, bool(rows.radius.any()))
             further = len(unknowns) - len(some)
-            basis = np.zeros((len(unknowns), seen.shape[1] + further))
-            basis[: len(some), : seen.shape[1]] = seen
-            basis[len(some) :, seen.shape[1] :] = np.eye(further)
+            basis = np.zeros((len(unknowns), shares.shape[1] + further))
+            basis[: len(some), : shares.shape[1]] = shares
+            basis[len(some) :, shares.shape[1] :] = np.eye(further)
         origin = with_further(unknowns, origin, rows, start)
         return cls(cell, rows, unknowns, origin, without_gauge(unknowns, origin, basis, rows), None, True, loss)
 
@@ -118,8 +118,8 @@ class Problem:
         self._residual_at = np.full(1, np.nan), np.empty(0)
         self._freedom_at = b"", 0.0
         self._linearized_at: tuple[np.ndarray, tuple[Part, ...]] = np.full(1, np.nan), ()
-        held = (self.unknowns.precision[:, None] * np.abs(self.basis)).sum(axis=0) > 0
-        stated = np.where(held & self.priors, 1.0, np.inf)
+        with_prior = (self.unknowns.precision[:, None] * np.abs(self.basis)).sum(axis=0) > 0
+        stated = np.where(with_prior & self.priors, 1.0, np.inf)
         self.prior = stated if self.deviation is None else self.deviation  # of the coordinates
         self.required = np.flatnonzero(self._required())
         self.objective = Objective(self.linearized, self.prior, 1 / self.rows.sigma)
@@ -209,20 +209,18 @@ class Problem:
     def require_rank(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"], where: str) -> None:
         """Raise InputError, naming what suffers and what to add, if the touches do not determine what they have to."""
         if not self.determined(x, weight):
-            seen = self.geometry(x, weight)
+            geometry = self.geometry(x, weight)
             raise InputError(
-                f"{where}, {len(self.required) - min(seen.rank, len(self.required))} of {len(self.required)} "
-                f"directions are not seen: {', '.join(seen.lost)} cannot be told apart; {_cure(self.rows)}"
+                f"{where}, {len(self.required) - min(geometry.rank, len(self.required))} of {len(self.required)} "
+                f"directions are not seen: {', '.join(geometry.lost)} cannot be told apart; {_cure(self.rows)}"
             )
 
     def determined(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> bool:
         """Whether rows with these weights determine the coordinates that they have to."""
-        needed = len(self.required)
-        if needed == 0:
+        least = len(self.required)
+        if least == 0:
             return True
-        return (
-            int(np.count_nonzero(weight)) >= needed and rank_of(self._triangle(x, weight)[:, self.required]) == needed
-        )
+        return int(np.count_nonzero(weight)) >= least and rank_of(self._triangle(x, weight)[:, self.required]) == least
 
     def precision(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> Float[np.ndarray, "s s"]:
         """Inverse covariance of the coordinates, priors included."""
@@ -263,8 +261,8 @@ class Problem:
             part = slice(start, min(start + PART, len(self.rows)))
             r, J = self.unknowns.linearize(self.unknown(x), self.rows.take(np.arange(part.start, part.stop)))
             gradient += J.T @ (weight[part] ** 2 * r)
-        left = gradient - self.basis @ (self.basis.T @ gradient)
-        return bool(np.abs(left * self.unknowns.precision).max() < BLIND)
+        rest = gradient - self.basis @ (self.basis.T @ gradient)
+        return bool(np.abs(rest * self.unknowns.precision).max() < BLIND)
 
     def with_shared(self, shared: Sequence[Shared]) -> "Problem":
         """The same problem with further unknowns that measurements share."""

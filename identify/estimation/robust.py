@@ -135,8 +135,8 @@ class _Fit:
         y = problem.solver.near(nearby, x)
         if y is None:
             return x, False
-        left = r + J @ (y - x)
-        sizes = self._sizes(x, weight / self._scale(x, everyone, left), left)
+        rest = r + J @ (y - x)
+        sizes = self._sizes(x, weight / self._scale(x, everyone, rest), rest)
         return y, bool((sizes <= SURE * self.limit).all())
 
     def _scale(
@@ -197,11 +197,11 @@ class _Fit:
 
     def freedom(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> float:
         """Rows in use less the coordinates that they, and not the priors, determine."""
-        problem, asked = self.problem, x.tobytes() + weight.tobytes()
-        if asked != self._freedom_at[0]:
+        problem, key = self.problem, x.tobytes() + weight.tobytes()
+        if key != self._freedom_at[0]:
             determined = float(problem.size)
             if np.isfinite(problem.prior).any():
                 P = problem.precision(x, weight)
                 determined -= float(np.diag(np.linalg.inv(P)) @ (1 / problem.prior**2))
-            self._freedom_at = asked, np.count_nonzero(weight) - determined
+            self._freedom_at = key, np.count_nonzero(weight) - determined
         return self._freedom_at[1]

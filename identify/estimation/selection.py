@@ -61,8 +61,8 @@ class Linear:
     @cached_property
     def parts(self) -> list[tuple[Bool[np.ndarray, " rows"], np.ndarray, np.ndarray]]:
         """Rows of each fold, and their normal equations."""
-        found = [self.fold == k for k in np.unique(self.fold)]
-        return [(out, self.A[out].T @ self.A[out], self.A[out].T @ self.y[out]) for out in found]
+        folds = [self.fold == k for k in np.unique(self.fold)]
+        return [(out, self.A[out].T @ self.A[out], self.A[out].T @ self.y[out]) for out in folds]
 
     @cached_property
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
@@ -76,10 +76,10 @@ class Linear:
 
     def held_out(self, errors: Sequence[str]) -> Float[np.ndarray, " rows"]:
         """Errors at the rows of each fold by the fit to the others."""
-        these, (G, b), found = self.columns(errors), self.whole, np.empty(len(self.y))
+        these, (G, b), predictions = self.columns(errors), self.whole, np.empty(len(self.y))
         for out, own, right in self.parts:
-            found[out] = self.y[out] - self.A[out][:, these] @ self.solve(G - own, b - right, these)
-        return found
+            predictions[out] = self.y[out] - self.A[out][:, these] @ self.solve(G - own, b - right, these)
+        return predictions
 
     def shows(self, name: str) -> bool:
         """Whether a model changes anything at these rows: without temperatures, no link grows."""
@@ -90,8 +90,8 @@ class Linear:
         these, (G, b) = self.columns(errors), self.whole
         L = np.linalg.cholesky(G[np.ix_(these, these)] + np.diag(self.precision[these]))
         z = np.linalg.solve(L, b[these])
-        known = self.precision[these] > 0
-        return float(0.5 * z @ z - np.log(np.diag(L)).sum() + 0.5 * np.log(self.precision[these][known]).sum())
+        finite = self.precision[these] > 0
+        return float(0.5 * z @ z - np.log(np.diag(L)).sum() + 0.5 * np.log(self.precision[these][finite]).sum())
 
 
 def select(problem: Problem, rng: np.random.Generator, folds: int = FOLDS) -> Selection:
@@ -101,21 +101,21 @@ def select(problem: Problem, rng: np.random.Generator, folds: int = FOLDS) -> Se
 
 
 def choose(
-    linear: Linear, owner: Int[np.ndarray, " rows"], mm: Float[np.ndarray, " rows"], offered: Sequence[str]
+    linear: Linear, owner: Int[np.ndarray, " rows"], mm: Float[np.ndarray, " rows"], models: Sequence[str]
 ) -> Selection:
     """Choose among the models of a linear problem; `owner` says which rows are one measurement, `mm` what one is."""
-    path, errors = _path(linear, owner, list(offered))
+    path, errors = _path(linear, owner, list(models))
     errors_mm = {names: _distances(owner, linear.held_out(names) * mm) for names in path}
     best = int(np.argmin([e.mean() for e in errors]))
-    kept = next(i for i in range(best + 1) if _within(errors[i] - errors[best]))
-    chosen = _likely(linear, path[kept])
+    place = next(i for i in range(best + 1) if _within(errors[i] - errors[best]))
+    chosen = _likely(linear, path[place])
     terms = tuple(_term(after[-1], errors_mm[before], errors_mm[after], chosen) for before, after in pairwise(path))
     return Selection(tuple(name for name in ERROR_MODELS if name in chosen), terms)
 
 
-def _term(name: str, before: np.ndarray, after: np.ndarray, chosen: Sequence[str]) -> Term:
+def _term(name: str, before: np.ndarray, after: np.ndarray, names: Sequence[str]) -> Term:
     gain = before - after
-    return Term(name, float(after.mean()), float(gain.mean()), _standard_error(gain), name in chosen)
+    return Term(name, float(after.mean()), float(gain.mean()), _standard_error(gain), name in names)
 
 
 def _standard_error(sample: Float[np.ndarray, " measured"]) -> float:
@@ -123,16 +123,16 @@ def _standard_error(sample: Float[np.ndarray, " measured"]) -> float:
 
 
 def _path(
-    linear: Linear, owner: np.ndarray, offered: list[str]
+    linear: Linear, owner: np.ndarray, models: list[str]
 ) -> tuple[list[tuple[str, ...]], list[Float[np.ndarray, " measured"]]]:
     """From no model to all, each time the one that helps most; squared errors held out, one a measurement."""
     path: list[tuple[str, ...]] = [()]
     errors = [_distances(owner, linear.held_out(())) ** 2]
-    while len(path[-1]) < len(offered):
-        left = [(*path[-1], name) for name in offered if name not in path[-1]]
-        tried = [_distances(owner, linear.held_out(names)) ** 2 for names in left]
+    while len(path[-1]) < len(models):
+        longer = [(*path[-1], name) for name in models if name not in path[-1]]
+        tried = [_distances(owner, linear.held_out(names)) ** 2 for names in longer]
         least = int(np.argmin([e.mean() for e in tried]))
-        path.append(left[least])
+        path.append(longer[least])
         errors.append(tried[least])
     return path, errors
 
@@ -144,14 +144,14 @@ def _within(excess: Float[np.ndarray, " measured"]) -> bool:
 
 def _likely(linear: Linear, names: Sequence[str]) -> tuple[str, ...]:
     """The models without those that chance explains nearly as well."""
-    kept = tuple(names)
-    while kept:
-        without = {name: linear.evidence([k for k in kept if k != name]) for name in kept}
+    models = tuple(names)
+    while models:
+        without = {name: linear.evidence([k for k in models if k != name]) for name in models}
         least = max(without, key=lambda name: without[name])
-        if without[least] < linear.evidence(kept) - BELIEVED:
+        if without[least] < linear.evidence(models) - BELIEVED:
             break
-        kept = tuple(name for name in kept if name != least)
-    return kept
+        models = tuple(name for name in models if name != least)
+    return models
 
 
 def _distances(owner: np.ndarray, residual: np.ndarray) -> Float[np.ndarray, " measured"]:
@@ -208,8 +208,8 @@ class Extended:
         tip = self.unknowns.cell.kinematics.tip(self.rows.q[used], self.unknowns.theta(self.at))[0]
         A, y = self.A[used] * unit[used, None], self.y[used] * unit[used]
         linear = Linear(A, y, self.held, own, models, regions(tip, folds, rng))
-        offered = [name for name in models if linear.shows(name)]
-        return choose(linear, self.rows.owner[used], self.rows.sigma[used] / unit[used], offered)
+        candidates = [name for name in models if linear.shows(name)]
+        return choose(linear, self.rows.owner[used], self.rows.sigma[used] / unit[used], candidates)
 
 
 def extend(problem: Problem, x: Float[np.ndarray, " size"], errors: Sequence[str]) -> Extended:
@@ -221,10 +221,12 @@ def extend(problem: Problem, x: Float[np.ndarray, " size"], errors: Sequence[str
     unknowns = replace(problem.unknowns, cell=cell, parameters=np.array(some))
     at = np.array([before.get(name, 0.0) for name in unknowns.names])
     beyond = {name for name, _, _ in cell.robot.error_parameters}
-    held = np.array([problem.priors or name in beyond for name in unknowns.names])
+    with_prior = np.array([problem.priors or name in beyond for name in unknowns.names])
     none = np.empty(0)
     allowed = _allowed(problem, unknowns) if unknowns.named else None
-    start = Extended(unknowns, at, unknowns.precision * held, problem.rows, none[:, None], none, problem.cell, allowed)
+    start = Extended(
+        unknowns, at, unknowns.precision * with_prior, problem.rows, none[:, None], none, problem.cell, allowed
+    )
     return relinearized(start, at)
 
 
@@ -241,8 +243,8 @@ def relinearized(extended: Extended, at: Float[np.ndarray, " unknowns"]) -> Exte
     """The same problem with its rows taken at other unknowns."""
     unknowns, rows, precision = extended.unknowns, extended.rows, extended.precision
     parts = [slice(k, k + PART) for k in range(0, len(rows), PART)]
-    taken = [unknowns.linearize(at, rows.take(np.arange(len(rows))[part])) for part in parts]
-    r, A = np.concatenate([r for r, _ in taken]) / rows.sigma, np.concatenate([J for _, J in taken])
+    blocks = [unknowns.linearize(at, rows.take(np.arange(len(rows))[part])) for part in parts]
+    r, A = np.concatenate([r for r, _ in blocks]) / rows.sigma, np.concatenate([J for _, J in blocks])
     A /= rows.sigma[:, None]
     if extended.allowed is not None:
         A = A @ extended.allowed
@@ -256,8 +258,8 @@ def cell_with_errors(cell: Cell, errors: str) -> Cell:
     names = () if errors == "none" else tuple(name.strip() for name in errors.split(","))
     for name in names:
         if name not in ERROR_MODELS:
-            known = ("auto", "none", "cell", *ERROR_MODELS)
-            raise InputError(f"no error model '{name}'{nearest(name, known)}; choose of {', '.join(known)}")
+            words = ("auto", "none", "cell", *ERROR_MODELS)
+            raise InputError(f"no error model '{name}'{nearest(name, words)}; choose of {', '.join(words)}")
     return cell if names == cell.robot.errors else replace(cell, robot=_robot(cell.robot, names))
 
 

@@ -36,7 +36,7 @@ class Label:
     off: float  # [mm], from the face that was recorded
 
 
-def survivor(problem: Problem, found: Estimate, tables: tuple[Measurements, ...]) -> tuple[Problem, Estimate]:
+def survivor(problem: Problem, fit: Estimate, tables: tuple[Measurements, ...]) -> tuple[Problem, Estimate]:
     """The estimate with the fewest and smallest contradictions among those from several starts.
 
     A plain robust fit can be drawn away by a fifth of gross errors. If its residuals scatter far more than stated, a
@@ -44,19 +44,19 @@ def survivor(problem: Problem, found: Estimate, tables: tuple[Measurements, ...]
     tried. The one whose capped squares, priors included, are least is returned.
     """
     if problem.loss == "linear" or len(problem.rows) > MANY:
-        return problem, found
-    ends = [(problem, found)]
-    if found.noise > SUSPECT or (~found.used).mean() > DOUBTED:
-        ends += _grown(problem, problem.theta(found.x), trimmed(problem, found.x))
+        return problem, fit
+    ends = [(problem, fit)]
+    if fit.noise > SUSPECT or (~fit.used).mean() > DOUBTED:
+        ends += _grown(problem, problem.theta(fit.x), trimmed(problem, fit.x))
         ends += _associated(problem, tables)
         ends = [min(ends, key=lambda end: _cost(*end))]
     return min([*ends, *_renamed(*ends[0], tables)], key=lambda end: _cost(*end))
 
 
-def _cost(problem: Problem, found: Estimate) -> float:
+def _cost(problem: Problem, fit: Estimate) -> float:
     """Capped squares of residuals and squares of what priors hold, in units of the stated sigma."""
-    square = np.minimum((problem.residual(found.x) / problem.rows.sigma) ** 2, CAP).sum()
-    return float(square + ((found.x / problem.prior) ** 2).sum())
+    square = np.minimum((problem.residual(fit.x) / problem.rows.sigma) ** 2, CAP).sum()
+    return float(square + ((fit.x / problem.prior) ** 2).sum())
 
 
 def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray, " rows"]:
@@ -67,20 +67,20 @@ def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray,
     y = A @ x - np.concatenate([r for _, r, _ in parts]) / sigma
     precision = np.diag(1 / problem.prior**2) + 1e-9 * np.eye(len(x))
     rng, count = np.random.default_rng(0), len(problem.rows.ids)
-    kept = rng.random((SUBSETS, count)) < TRIMMED
+    subsets = rng.random((SUBSETS, count)) < TRIMMED
     most = max(int(TRIMMED * count), 1)
     for step in range(CONCENTRATIONS):
-        w = kept[:, owner].astype(float)
+        w = subsets[:, owner].astype(float)
         G = np.einsum("sm,mi,mj->sij", w, A, A, optimize=True) + precision
         solution = np.linalg.solve(G, (w @ (A * y[:, None]))[..., None])[..., 0]
-        square = np.zeros(kept.shape)
+        square = np.zeros(subsets.shape)
         np.add.at(square.T, owner, ((y - solution @ A.T) ** 2).T)
         worst = np.partition(square, most - 1, axis=1)[:, most - 1 : most]
-        kept = square <= worst
+        subsets = square <= worst
         cost = np.minimum(square, CAP).sum(axis=1) + ((solution / problem.prior) ** 2).sum(axis=1)
         if step == FIRST - 1:
-            kept = kept[np.argsort(cost)[:BEST]]
-    return kept[int(np.argmin(cost))][owner]
+            subsets = subsets[np.argsort(cost)[:BEST]]
+    return subsets[int(np.argmin(cost))][owner]
 
 
 def _associated(problem: Problem, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
@@ -89,21 +89,21 @@ def _associated(problem: Problem, tables: tuple[Measurements, ...]) -> Iterator[
     touches = on_faces(tables)
     if touches is None or cell.base is None or cell.tool is None:
         return
-    found = believe(cell, touches)
-    pairs = zip(found.touches.face, found.used, problem.rows.face, strict=True)
+    belief = believe(cell, touches)
+    pairs = zip(belief.touches.face, belief.used, problem.rows.face, strict=True)
     again = relabelled(
         problem, tables, tuple(met if use and met in cell.the_jig.by_name else face for met, use, face in pairs)
     )
-    yield from _grown(again, found.theta, found.used[again.rows.owner])
+    yield from _grown(again, belief.theta, belief.used[again.rows.owner])
 
 
-def _renamed(problem: Problem, found: Estimate, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
+def _renamed(problem: Problem, fit: Estimate, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
     """The estimate with touches that were left out on the faces that they most probably met."""
-    if on_faces(tables) is not None and not found.used.all():
-        again = relabelled(problem, tables, nearest(problem, found))
+    if on_faces(tables) is not None and not fit.used.all():
+        again = relabelled(problem, tables, nearest(problem, fit))
         if again is not problem:
-            moved = np.array([a != b for a, b in zip(again.rows.face, problem.rows.face, strict=True)])
-            yield from _grown(again, problem.theta(found.x), found.used | moved)
+            elsewhere = np.array([a != b for a, b in zip(again.rows.face, problem.rows.face, strict=True)])
+            yield from _grown(again, problem.theta(fit.x), fit.used | elsewhere)
 
 
 def _grown(
@@ -134,10 +134,10 @@ def relabelled(problem: Problem, tables: tuple[Measurements, ...], faces: tuple[
     return replace(problem, rows=equations(cell, [met]))
 
 
-def labels(problem: Problem, found: Estimate, recorded: Rows) -> tuple[Label, ...]:
+def labels(problem: Problem, fit: Estimate, recorded: Rows) -> tuple[Label, ...]:
     """Touches that met another face than was recorded, by an estimate whose rows may bear other faces already."""
     names = problem.rows.face or ("",) * len(problem.rows)
-    off = problem.unknowns.linearize(problem.unknown(found.x), recorded)[0]
+    off = problem.unknowns.linearize(problem.unknown(fit.x), recorded)[0]
     return tuple(
         Label(problem.rows.ids[owner], name, before, float(r))
         for owner, name, before, r in zip(problem.rows.owner, names, recorded.face, off, strict=True)
@@ -145,14 +145,14 @@ def labels(problem: Problem, found: Estimate, recorded: Rows) -> tuple[Label, ..
     )
 
 
-def nearest(problem: Problem, found: Estimate) -> tuple[str, ...]:
+def nearest(problem: Problem, fit: Estimate) -> tuple[str, ...]:
     """Faces of touches; those left out on the nearest face, if it is as near as a touch on it would be."""
     by_name, faces = problem.cell.the_jig.by_name, list(problem.rows.face)
-    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(found.x))[0]
-    for i in np.flatnonzero(~found.used):
+    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(fit.x))[0]
+    for i in np.flatnonzero(~fit.used):
         off = _distances(problem.cell, tip[i])
         name = min(off, key=lambda face: abs(off[face]), default="")
-        own = SURE * max(found.noise * problem.rows.sigma[i], by_name[name].tolerance) if name else 0.0
+        own = SURE * max(fit.noise * problem.rows.sigma[i], by_name[name].tolerance) if name else 0.0
         if name and abs(off[name]) < own + problem.cell.wire.flat:
             faces[i] = name
     return tuple(faces)

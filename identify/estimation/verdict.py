@@ -27,8 +27,8 @@ def promised(c: Calibration) -> dict[str, float] | None:
     """The promise of a calibration in its weld zone [mm]; None for a cell without zone and jig."""
     if c.cell.zone is None and c.cell.jig is None:
         return None
-    found = promise(tip_errors(c, zone_poses(c.cell, c.theta)))
-    return {"rms_mm": found.rms_mm, "p95_mm": found.p95_mm}
+    zone = promise(tip_errors(c, zone_poses(c.cell, c.theta)))
+    return {"rms_mm": zone.rms_mm, "p95_mm": zone.p95_mm}
 
 
 def refusals(c: Calibration) -> tuple[str, ...]:

@@ -42,15 +42,15 @@ def verify(calibration: Calibration, *tables: Measurements) -> Verification:
     cell = calibration.cell
     for table in tables:
         cell.robot.require_radians(table.q)
-    found = rows(cell.wire, tables, cell.robot, cell.places)
-    if not len(found):
+    equations = rows(cell.wire, tables, cell.robot, cell.places)
+    if not len(equations):
         raise InputError("there is nothing to verify with: no touch of status hit, no position")
-    require_unseen(calibration, found, "errors there are no accuracy; verify with others")
-    before = measurement_model(calibration.cell.robot).residual(calibration.start, found)
-    r, root = predicted(calibration, found)
-    promised = _promised(root, found.sigma * calibration.noise, found)
-    nominal, identified = summarize(found.distances(before)), summarize(found.distances(r))
-    return Verification(nominal, identified, promised, beyond(calibration, found.q))
+    require_unseen(calibration, equations, "errors there are no accuracy; verify with others")
+    before = measurement_model(calibration.cell.robot).residual(calibration.start, equations)
+    r, root = predicted(calibration, equations)
+    promised = _promised(root, equations.sigma * calibration.noise, equations)
+    nominal, identified = summarize(equations.distances(before)), summarize(equations.distances(r))
+    return Verification(nominal, identified, promised, beyond(calibration, equations.q))
 
 
 def beyond(calibration: Calibration, q: Float[np.ndarray, "poses joints"]) -> tuple[str, ...]:
@@ -74,7 +74,7 @@ def beyond_in_zone(calibration: Calibration) -> tuple[str, ...]:
 
 
 def predicted(
-    calibration: Calibration, found: Rows
+    calibration: Calibration, equations: Rows
 ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows unknowns"]]:
     """Residuals [mm] by the identified robot and jig, and B with B B' their covariance, but for the sensor's scatter.
 
@@ -89,30 +89,31 @@ def predicted(
     )
     names = [name for name in calibration.names if name in set(unknowns.names)]
     place = [calibration.names.index(name) for name in names]
-    known = Information.of_covariance(
+    information = Information.of_covariance(
         unknowns, calibration.theta, names, calibration.joint_covariance[np.ix_(place, place)]
     )
     there = np.array([values.get(name, origin) for name, origin in zip(unknowns.names, unknowns.origin, strict=True)])
-    r, J = unknowns.linearize((there - unknowns.origin) / unknowns.scale, found, calibration.theta)
-    return r, known.root(J)
+    r, J = unknowns.linearize((there - unknowns.origin) / unknowns.scale, equations, calibration.theta)
+    return r, information.root(J)
 
 
-def require_unseen(calibration: Calibration, found: Rows, cure: str) -> None:
+def require_unseen(calibration: Calibration, equations: Rows, cure: str) -> None:
     """Raise InputError where measurements were used in the fit."""
-    prints = fingerprints(found.q, found.offset[:, None])
-    seen = [found.ids[found.owner[i]] for i, name in enumerate(prints) if name in calibration.fingerprints]
-    if seen:
+    prints = fingerprints(equations.q, equations.offset[:, None])
+    repeated = [equations.ids[equations.owner[i]] for i, name in enumerate(prints) if name in calibration.fingerprints]
+    if repeated:
         raise InputError(
-            f"{len(set(seen))} of {len(found.ids)} measurements were used in the fit ({seen[0]}, ...): {cure}"
+            f"{len(set(repeated))} of {len(equations.ids)} measurements were used in the fit "
+            f"({repeated[0]}, ...): {cure}"
         )
 
 
-def _promised(root: Float[np.ndarray, "rows directions"], sigma: Float[np.ndarray, " rows"], found: Rows) -> float:
+def _promised(root: Float[np.ndarray, "rows directions"], sigma: Float[np.ndarray, " rows"], equations: Rows) -> float:
     """Error [mm] that 95 of 100 robots stay below at 95 % of the measurements; fixed draws stand for the integral."""
     rng = np.random.default_rng(0)
     errors = root @ rng.standard_normal((root.shape[1], ROBOTS))
     errors += sigma[:, None] * rng.standard_normal((len(sigma), ROBOTS))
-    _, place = np.unique(found.owner, return_inverse=True)
+    _, place = np.unique(equations.owner, return_inverse=True)
     square = np.zeros((place.max() + 1, ROBOTS))
     np.add.at(square, place, errors**2)
     return float(np.percentile(np.percentile(np.sqrt(square), SHARE, axis=0), SHARE))

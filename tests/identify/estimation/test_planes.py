@@ -25,7 +25,7 @@ def hidden(arc_welder):
 def positions(arc_welder, hidden):
     rng = np.random.default_rng(1)
     cell = replace(arc_welder, devices={"position": Device(sigma=0.03)})
-    return readings(cell, measurements(cell, "position", rng, 60), hidden.theta, rng)
+    return readings(cell, measurements(cell, "position", rng, 60)[0], hidden.theta, rng)
 
 
 def test_a_tool_that_is_to_be_fitted_begins_at_zero_and_ends_where_it_is(arc_welder, hidden, positions):
@@ -40,7 +40,7 @@ def test_sockets_of_unknown_place_need_one_known_length_beside_the_touches_of_a_
     rng = np.random.default_rng(3)
     places = {"a": np.array([60.0, 40.0, 260.0]), "b": np.array([330.0, 250.0, 330.0])}
     cell = replace(arc_welder, points={name: Point(place) for name, place in places.items()})
-    contacts = readings(cell, measurements(cell, "contact", rng, 40), hidden.theta, rng)
+    contacts = readings(cell, measurements(cell, "contact", rng, 40)[0], hidden.theta, rng)
     fitted = replace(cell, points={name: Point(None) for name in places})
 
     with pytest.raises(InputError, match="no length is known"):
@@ -82,7 +82,7 @@ def test_planes_of_unknown_offset_need_one_known_length(arc_welder, hidden):
     pin = {"pin": Point(np.array([450.0, -50.0, 10.0]), 0.02)}
     wire = {"distance": Device(sigma=0.02, range=(250.0, 900.0))}
     cell = replace(arc_welder, jig=plates, points=pin, devices=wire)
-    distances = readings(cell, measurements(cell, "distance", rng, 30), hidden.theta, rng)
+    distances = readings(cell, measurements(cell, "distance", rng, 30)[0], hidden.theta, rng)
 
     with pytest.raises(InputError, match="no length is known"):
         calibrate(replace(cell, points={}), touches, folds=0, errors="cell")

@@ -40,7 +40,7 @@ def bases(cell, truth, table):
 
 def test_positions_and_poses_are_those_of_the_hidden_tip_in_its_own_placement(cell, truth, rng):
     for kind in ("position", "pose"):
-        made = readings(cell, measurements(cell, kind, rng, 30), truth[0], rng, truth[1])
+        made = readings(cell, measurements(cell, kind, rng, 30)[0], truth[0], rng, truth[1])
 
         tip, R = cell.kinematics.tip(made.q, bases(cell, truth, made))
         np.testing.assert_allclose(made.point, tip, atol=1e-6)
@@ -50,7 +50,7 @@ def test_positions_and_poses_are_those_of_the_hidden_tip_in_its_own_placement(ce
 
 
 def test_distances_are_those_from_where_the_anchor_truly_is(cell, truth, rng):
-    made = readings(cell, measurements(cell, "distance", rng, 30), truth[0], rng, truth[1])
+    made = readings(cell, measurements(cell, "distance", rng, 30)[0], truth[0], rng, truth[1])
 
     anchor = np.array([truth[1]["point.a"] if name == "a" else cell.places["b"] for name in made.anchor])
     tip = cell.kinematics.tip(made.q, truth[0])[0]
@@ -58,7 +58,7 @@ def test_distances_are_those_from_where_the_anchor_truly_is(cell, truth, rng):
 
 
 def test_contacts_bring_the_hidden_tip_to_where_the_point_truly_is(cell, truth, rng):
-    planned = measurements(cell, "contact", rng, 30)
+    planned = measurements(cell, "contact", rng, 30)[0]
 
     made = readings(cell, planned, truth[0], rng, truth[1])
 
@@ -68,7 +68,7 @@ def test_contacts_bring_the_hidden_tip_to_where_the_point_truly_is(cell, truth, 
 
 
 def test_readings_scatter_as_their_table_says(cell, truth):
-    planned = measurements(cell, "distance", np.random.default_rng(0), 400)
+    planned = measurements(cell, "distance", np.random.default_rng(0), 400)[0]
     planned = replace(planned, sigma=np.full(400, 0.2))
 
     first, second = (readings(cell, planned, truth[0], np.random.default_rng(seed), truth[1]) for seed in (1, 2))
