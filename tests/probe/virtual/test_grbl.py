@@ -133,6 +133,29 @@ def test_inverse_time_feed_is_minutes_for_the_whole_move(desk):
     assert motion.ended - motion.began == pytest.approx(2.0, rel=0.03)
 
 
+def test_a_motion_without_a_feed_is_an_error_and_changes_nothing(desk):
+    """As the block checks of GRBL 1.1 have it: 22 for every motion but G0, and for each one of inverse time anew."""
+    refused = desk.say(f"G91 G1 {desk.words(desk.home + 0.02)}\n")
+    modes = desk.say("$G\n")[0]
+    desk.say("G93 G91 F5\n")
+    again = desk.say("G1 X1\n")
+
+    assert (refused, again) == (["error:22"], ["error:22"])
+    assert "[GC:G0 G54 G17 G21 G90 G94" in modes
+    assert not desk.robot.moving
+
+
+def test_a_restart_makes_an_inverse_time_a_feed_in_axis_units_a_minute(desk):
+    """What makes a motion crawl whose modes GRBL has forgotten."""
+    desk.say("G93 F30\n")
+    desk.grbl.restart()
+
+    desk.say(f"G1 {desk.words(desk.home + 0.2)} F30\n")
+    desk.wait(1.0)
+
+    assert np.degrees(np.linalg.norm(desk.robot.q - desk.home)) < 30 / 60 + 1e-6  # [deg], an axis unit each
+
+
 def test_a_probe_reports_its_position_and_is_answered_at_its_end(desk, plan):
     asked = desk.say(f"G38.3{desk.words(desk.end)}F60\n")
     ended = desk.wait(120)
