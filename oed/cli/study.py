@@ -11,6 +11,7 @@ from oed.cli.options import Json, Seed, print_json
 from oed.cli.screen.progress import progress
 
 if TYPE_CHECKING:
+    from oed.criteria.own import OwnCriterion
     from studies.engine import Compute
 
 
@@ -47,8 +48,7 @@ def study(
     small
         A few robots only: to see that it works.
     processes
-        Worker processes on this machine, by the package `distributed`; one a core if not given. 1, or no such package,
-        computes in this process, as studies do that read clocks.
+        Worker processes on this machine, by the package `distributed`; one a core if not given.
     scheduler
         The address of a Dask scheduler whose workers have touchcal installed.
     tls_ca_file
@@ -58,33 +58,43 @@ def study(
     tls_key
         Its key.
     criterion
-        FILE.py:NAME, a criterion of your own that a Python file defines (studies/examples/own_criterion.py): the study
-        strategies compares touches planned by it with those planned by V and with even ones. 200 robots make each set.
+        FILE.py:NAME, a criterion of your own (studies/examples/own_criterion.py) that strategies compares with V.
     """
-    from oed.criteria.own import OwnCriterion
-    from studies import STUDIES
     from studies.engine import Study, evaluate, write_results
 
     if name is None:
-        questions = {study_name: Study.named(study_name).question for study_name in STUDIES}
-        print_json(questions) if json else print("\n".join(f"{k:15}{q}" for k, q in questions.items()))
+        _list_questions(json)
         return
+    own = _own(criterion)
+    study = Study.named(name, own)
+    folder = Path(f"study-{name}" + (f"-{own.variable}" if own else "")) if output is None else output
+    count, tls = processes or int(study.alone and not scheduler), (tls_ca_file, tls_cert, tls_key)
+    with _compute(count, scheduler, tls) as using, progress(not json) as say:
+        table = evaluate(study, folder, small=small, seed=seed, using=using, progress=say)
+    files = write_results(study, table, folder)
+    facts = {"study": name, "rows": len(next(iter(table.values()))), "files": [str(path) for path in files]}
+    print_json(facts) if json else print(f"{study.answer(table)}\n\nwrote {', '.join(map(str, files))}")
+
+
+def _list_questions(json: bool) -> None:
+    """Print what each study asks."""
+    from studies import STUDIES
+    from studies.engine import Study
+
+    questions = {name: Study.named(name).question for name in STUDIES}
+    print_json(questions) if json else print("\n".join(f"{k:15}{q}" for k, q in questions.items()))
+
+
+def _own(criterion: str | None) -> "OwnCriterion | None":
+    """The criterion of a file; raises InputError for what names none."""
+    from oed.criteria.own import OwnCriterion
+
     own = None if criterion is None else OwnCriterion.named(criterion)
     if criterion is not None and own is None:
         raise InputError(
             f"--criterion is '{criterion}', expected FILE.py:NAME; the study compares published ones anyway"
         )
-    study = Study.named(name, own)
-    folder = Path(f"study-{name}" + (f"-{own.variable}" if own else "")) if output is None else output
-    if study.alone and not scheduler:
-        processes = processes or 1
-    with _compute(processes, scheduler, (tls_ca_file, tls_cert, tls_key)) as using, progress(not json) as say:
-        table = evaluate(study, folder, small=small, seed=seed, using=using, progress=say)
-    files = write_results(study, table, folder)
-    if json:
-        print_json({"study": name, "rows": len(next(iter(table.values()))), "files": [str(path) for path in files]})
-    else:
-        print(f"{study.answer(table)}\n\nwrote {', '.join(map(str, files))}")
+    return own
 
 
 def _compute(
