@@ -9,15 +9,15 @@ searches (10 drawn placements, then 25 steps of Nelder and Mead) over shift, tur
 that it stands on. Second placement: of the 50 touches some are made after the jig was moved, to a place that is known
 exactly, or that is six more unknowns (10 mm, 2 degrees).
 
-Answer: faces that stand opposite each other, or at another height, are what counts: three faces promise 1.29 mm (no
-known distance), with left-high, left-low, right-high, front-high or top-high besides 0.09 to 0.12 mm, with the others
-nothing; all eleven 0.068 (the robots: 0.086). Of all, leaving out front-low costs 9 %, top-high and top-low 6 %,
-front-high 5 %, right-low 4 %, right-high 2 %, each other 1 % or nothing; the two back faces can be left out. The jig
-stands well: of the places looked at, up to 0.13 mm, none promises more than 0.3 % less than the present one. A second
-place that is known exactly takes 4 to 11 % off the error, most 200 mm to the right (0.060 mm; the robots: 0.077 for
-0.086). One whose pose is unknown buys nothing: at most 0.5 % (turned by 90 degrees and 150 mm higher), the robots as
-far off with it as without, since the touches that find its pose are those that would have told more. Do not move the
-jig, or measure where it goes.
+Answer: faces that stand opposite each other, or at another height, are what counts: three faces promise 1.30 mm (no
+known distance), with left-high, left-low, right-high, front-high or top-high besides 0.14 to 0.24 mm, with the others
+nothing; all eleven 0.082 (the robots: 0.091). Of all, leaving out front-low costs 17 %, top-low 13 %, front-high 9 %,
+top-high 7 %, right-low 6 %, top-side and right-high 3 %, left-high 2 %, left-low 1 %; the two back faces can be left
+out. The jig stands well: of 108 places looked at, up to 3.6 mm, none promises more than 2.5 % less than the present
+one, and robots identified with the jig there are as far off. A second place that is known exactly takes 9 to 17 % off
+the error, most turned by 90 degrees and 150 mm higher (0.068 mm; the robots: 0.080 for 0.092). One whose pose is
+unknown buys nothing: at most 0.8 %, the robots as far off with it as without, since the touches that find its pose are
+those that would have told more. Do not move the jig, or measure where it goes.
 """
 
 from dataclasses import replace
