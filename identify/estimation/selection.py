@@ -2,8 +2,7 @@
 
 From the geometric robot to the richest, each step adds the model that helps most where touches were held out. Of all
 steps the poorest is kept whose held-out errors are within one standard error of the best (Breiman et al. 1984); then a
-model leaves again without which the touches are nearly as likely (evidence, MacKay 1992). Every fit is linear about the
-geometric solution, with the priors of the cell: a whole choice takes less than one calibration.
+model leaves without which the touches are nearly as likely (evidence, MacKay 1992). Every fit is linear, with priors.
 """
 
 from collections.abc import Sequence

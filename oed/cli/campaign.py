@@ -70,10 +70,7 @@ def campaign(
         )
     last = read_calibration(output / f"calibration-{len(result.stages)}.json")
     write_calibration(output / "calibration.json", replace(last, promise=promised(last)))
-    if json:
-        print_json(summary(result))
-    else:
-        print(story(result, output))
+    print_json(summary(result)) if json else print(story(result, output))
     return 0 if result.reached else 1
 
 
