@@ -220,12 +220,10 @@ def extend(problem: Problem, x: Float[np.ndarray, " size"], errors: Sequence[str
     unknowns = replace(problem.unknowns, cell=cell, parameters=np.array(some))
     at = np.array([before.get(name, 0.0) for name in unknowns.names])
     beyond = {name for name, _, _ in cell.robot.error_parameters}
-    with_prior = np.array([problem.priors or name in beyond for name in unknowns.names])
+    mask = np.array([problem.priors or name in beyond for name in unknowns.names])
     none = np.empty(0)
     allowed = _allowed(problem, unknowns) if unknowns.named else None
-    start = Extended(
-        unknowns, at, unknowns.precision * with_prior, problem.rows, none[:, None], none, problem.cell, allowed
-    )
+    start = Extended(unknowns, at, unknowns.precision * mask, problem.rows, none[:, None], none, problem.cell, allowed)
     return relinearized(start, at)
 
 
