@@ -80,5 +80,5 @@ def test_arms_that_programs_are_not_written_for_are_refused(arc_welder, plan):
     robot = arc_welder.robot
     seven = replace(robot, joints=(*robot.joints, replace(robot.joints[0], name="j7")))
 
-    with pytest.raises(InputError, match="has 7 joints .*programs move 6 that turn"):
+    with pytest.raises(InputError, match=r"has 7 joints .*programs move 6 that turn"):
         routines(plan, replace(arc_welder, robot=seven), Options(), straight=False)
