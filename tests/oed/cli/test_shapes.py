@@ -7,6 +7,7 @@ from hashlib import sha256
 import pytest
 from meshed import LINKS, arm, collision, mesh, written
 
+from identify.model import base_placement
 from oed.cli import main
 
 SAYS = "pip install 'touchcal[collision]' (Linux, macOS)"
@@ -40,7 +41,8 @@ def test_a_folder_holds_the_meshes_of_its_robot(project, touchcal):
     assert "collision:" not in out
 
 
-def test_meshes_of_one_name_in_different_folders_are_kept_apart(tmp_path, touchcal):
+def test_meshes_of_one_name_in_different_folders_are_kept_apart(tmp_path, touchcal, monkeypatch):
+    monkeypatch.setattr(base_placement, "TRIES", 1)
     path, shapes = written(tmp_path), {}
     for name in ("upper", "fore"):
         (tmp_path / name).mkdir()
