@@ -29,6 +29,7 @@ REPLAYED = {
     "so had one that started anew once its target was read back": ("grbl", 4908),
     "and one in contact, whose retract then led elsewhere": ("grbl", 5887),
     "and one before a search": ("grbl", 7408),
+    "and one between two touches": ("grbl", 9730),
     "a motion slowed down for the watch, and asked about often, was taken for a robot that stands": ("grbl", 4411),
     "a motion was over for the driver whose wait was spoiled, where the first reports of a motion say Idle": (
         "grbl",
