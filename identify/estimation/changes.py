@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.special import fdtrc, ndtri
 
 from identify.estimation.problem import Problem
-from identify.estimation.robust import CERTAIN, Estimate, estimate
+from identify.estimation.robust import CERTAIN, Estimate, cost, estimate
 from identify.model.io.calibration_file import Finding
 from identify.model.measurement import Measurements
 from identify.model.touch import Touches
@@ -167,7 +167,8 @@ def with_changes(
 ) -> tuple[Problem, Estimate, tuple[Change, ...]]:
     """The problem with all that changed in time as unknowns, the surest change first, and its estimate.
 
-    Where many touches were left out, the fault may be among them: then all are asked too.
+    Where many touches were left out, the fault may be among them: then all are asked too. A change stays if the
+    measurements contradict each other less with it.
     """
     changes: tuple[Change, ...] = ()
     while len(changes) < LIMIT:
@@ -180,9 +181,12 @@ def with_changes(
         names = {unknown.name for change in changes for unknown in change.unknowns}
         if surest is None or surest.unknowns[0].name in names:
             break
-        problem = problem.with_shared(surest.unknowns)
-        fit = estimate(problem, problem.theta(np.zeros(problem.size)))
-        changes = (*changes, surest)
+        changed = problem.with_shared(surest.unknowns)
+        starts = (estimate(changed, changed.start), estimate(changed, problem.theta(fit.x), fit.used))
+        best = min(starts, key=lambda end: cost(changed, end))
+        if cost(changed, best) > cost(problem, fit):  # gross errors, no change
+            break
+        problem, fit, changes = changed, best, (*changes, surest)
     return problem, fit, changes
 
 

@@ -39,7 +39,7 @@ def without_doubtful(problem: Problem, fit: Estimate, touches: Touches | None) -
         before.append(doubtful)
         reduced = replace(problem, rows=replace(stated, sigma=np.where(doubtful, np.inf, stated.sigma)))
         try:
-            problem, fit = reduced, estimate(reduced, problem.theta(fit.x))
+            problem, fit = reduced, estimate(reduced, problem.theta(fit.x), fit.used & ~doubtful)
         except CalibrationFailed:
             break
     return problem, fit

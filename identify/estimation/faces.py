@@ -5,50 +5,49 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import chdtrc
 
 from identify.estimation.problem import Problem
 from identify.estimation.robust import Estimate, estimate
 from identify.model.calibration import FACE, Calibration, Finding
 from identify.uncertainty.promise import INTERVAL
 
-CHANCE = 0.02  # of a jig as good as stated to be called worse
-CERTAIN = 1.0  # degrees of freedom that the stated tolerances are worth
-STEPS = 10  # of expectation and maximization
+WIDE = 5.0  # times its tolerances that a jig may be off, for the fit that shows how far it is
+FACTORS = 1.25 ** np.arange(13)  # times its tolerances that a jig may be off
+SOUND = 0.5  # probability of a jig as good as stated, before it is touched
+BELIEVED = 0.5  # and of one that is not called worse, afterwards
 NAMED = 4.0  # standard deviations that the tolerance does not explain
 
 
 def with_jig_as_it_is(problem: Problem, fit: Estimate) -> tuple[Problem, Estimate]:
     """The problem with the tolerances of all faces as wide as the touches show them to be, and its estimate.
 
-    A test of the estimated offsets decides whether the jig is worse than stated; expectation and maximization finds by
-    how much.
+    A fit that hardly holds the faces tells how probable each factor on their tolerances is. A fit that holds them as
+    stated would take their offsets for noise.
     """
     places = _places(problem)
-    if not len(places) or surprise(*_offsets(problem, fit, places)) > CHANCE:
+    if not len(places):
         return problem, fit
-    stated, factor = problem, 1.0
-    for _ in range(STEPS):
-        b, C = _offsets(problem, fit, places)
-        square = (b * b + np.diag(C)).sum() * factor**2  # in units of the stated tolerances
-        before, factor = factor, float(np.sqrt((CERTAIN + square) / (CERTAIN + len(b))))
-        problem = _scaled(stated, places, max(factor, 1.0))
-        fit = estimate(problem, problem.theta(np.zeros(problem.size)))
-        if abs(factor - before) < 0.02 * before:
-            break
-    return problem, fit
+    wide = _scaled(problem, places, WIDE)
+    probability = probabilities(*_offsets(wide, estimate(wide, problem.theta(fit.x), fit.used), places))
+    if probability[0] > BELIEVED:
+        return problem, fit
+    factor = float(np.sqrt(probability[1:] @ FACTORS[1:] ** 2 / probability[1:].sum()))
+    scaled = _scaled(problem, places, factor)
+    return scaled, estimate(scaled, problem.theta(fit.x), fit.used)
 
 
-def surprise(b: Float[np.ndarray, " faces"], C: Float[np.ndarray, "faces faces"]) -> float:
-    """Chance of estimated offsets so large for a jig as good as stated (chi-square).
+def probabilities(b: Float[np.ndarray, " faces"], C: Float[np.ndarray, "faces faces"]) -> Float[np.ndarray, " factors"]:
+    """Probability of each of FACTORS on the tolerances, after a fit by WIDE times as wide ones.
 
-    b are the estimates and C their posterior covariance, in units of the tolerances: estimates scatter by 1 - C.
+    b are the estimates and C their posterior covariance, in units of the wide tolerances. With an eigenvalue s of
+    1 - C, an estimate is s times the sum of the true offset and of noise with variance (1 - s) / s.
     """
-    value, vector = np.linalg.eigh(np.eye(len(b)) - C)
-    visible = value > 0.05
-    if not visible.any():
-        return 1.0
-    return float(chdtrc(visible.sum(), (((vector.T @ b)[visible]) ** 2 / value[visible]).sum()))
+    s, vector = np.linalg.eigh(np.eye(len(b)) - C)
+    s = np.clip(s, 1e-6, 1 - 1e-6)
+    variance = s**2 * (FACTORS[:, None] / WIDE) ** 2 + s * (1 - s)
+    log = -0.5 * (np.log(variance) + (vector.T @ b) ** 2 / variance).sum(axis=1)
+    weight = np.exp(log - log.max()) * np.where(FACTORS == 1, SOUND, (1 - SOUND) / (len(FACTORS) - 1))
+    return np.asarray(weight / weight.sum())
 
 
 def _places(problem: Problem) -> Int[np.ndarray, " faces"]:

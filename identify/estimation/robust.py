@@ -12,6 +12,7 @@ from identify.estimation.problem import PART, CalibrationFailed, Problem
 FALSE_ALARM = 0.01  # chance that one of all good touches is called an outlier
 SURE = 0.98  # of the limit of an outlier: closer to it a robust fit decides
 ROUNDS = 6  # of robust fits
+CAP = 25.0  # squares of residuals beyond it count no more, in units of sigma
 CERTAIN = 10.0  # degrees of freedom that the stated sigma is worth
 
 
@@ -39,6 +40,12 @@ def estimate(
     fit = _Fit(problem)
     x = np.zeros(problem.size) if start is None else problem.coordinates(start)
     return fit.estimate(x) if used is None else fit.grown(x, used)
+
+
+def cost(problem: Problem, found: Estimate) -> float:
+    """Capped squares of residuals and squares of what priors hold, in units of the stated sigma."""
+    square = np.minimum((problem.residual(found.x) / problem.rows.sigma) ** 2, CAP).sum()
+    return float(square + ((found.x / problem.prior) ** 2).sum())
 
 
 def limit(rows: int) -> float:

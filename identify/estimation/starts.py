@@ -9,19 +9,20 @@ from jaxtyping import Bool, Float
 
 from identify.estimation.face_association import believe
 from identify.estimation.problem import CalibrationFailed, Problem
-from identify.estimation.robust import Estimate, estimate
+from identify.estimation.robust import CAP, Estimate, cost, estimate
 from identify.model.cell import Cell
+from identify.model.jig import Face
 from identify.model.measurement import Measurements, Rows, equations
 from identify.model.touch import Touches
 
 SUSPECT = 2.0  # times its sigma that a fit scatters, from which other starts are tried
-CAP = 25.0  # squares of residuals beyond it count no more, in units of sigma
 DOUBTED = 0.1  # share of the rows left out from which they are tried
 SUBSETS = 200  # random subsets of the measurements to begin a trimmed fit from
 FIRST, BEST = 2, 10  # steps of all of them, and how many of them go on, as the authors do
 CONCENTRATIONS = 8  # steps of those: fit to the best of the measurements, find the best of the measurements
 TRIMMED = 0.75  # share of the measurements that a trimmed fit rests on
 REST = 2.0  # [mm], by which a contact may lie beside its face, beside three standard deviations
+ASIDE = 10.0  # [mm] beside its face, from which a contact was with another one in the same plane
 SURE = 5.0  # standard deviations within which a touch lies on another face
 MANY = 2000  # rows from which all fits rest on so many that trimmed fits are not worth their time
 
@@ -33,7 +34,7 @@ class Label:
     touch: str
     face: str
     recorded: str
-    off: float  # [mm], from the face that was recorded
+    off: float  # [mm], of its tip from the face that was recorded
 
 
 def survivor(problem: Problem, fit: Estimate, tables: tuple[Measurements, ...]) -> tuple[Problem, Estimate]:
@@ -49,14 +50,8 @@ def survivor(problem: Problem, fit: Estimate, tables: tuple[Measurements, ...]) 
     if fit.noise > SUSPECT or (~fit.used).mean() > DOUBTED:
         ends += _grown(problem, problem.theta(fit.x), trimmed(problem, fit.x))
         ends += _associated(problem, tables)
-        ends = [min(ends, key=lambda end: _cost(*end))]
-    return min([*ends, *_renamed(*ends[0], tables)], key=lambda end: _cost(*end))
-
-
-def _cost(problem: Problem, fit: Estimate) -> float:
-    """Capped squares of residuals and squares of what priors hold, in units of the stated sigma."""
-    square = np.minimum((problem.residual(fit.x) / problem.rows.sigma) ** 2, CAP).sum()
-    return float(square + ((fit.x / problem.prior) ** 2).sum())
+        ends = [min(ends, key=lambda end: cost(*end))]
+    return min([*ends, *_renamed(*ends[0], tables)], key=lambda end: cost(*end) + CAP * float(aside(*end).sum()))
 
 
 def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray, " rows"]:
@@ -76,11 +71,11 @@ def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray,
         square = np.zeros(subsets.shape)
         np.add.at(square.T, owner, ((y - solution @ A.T) ** 2).T)
         worst = np.partition(square, most - 1, axis=1)[:, most - 1 : most]
-        subsets = square <= worst
-        cost = np.minimum(square, CAP).sum(axis=1) + ((solution / problem.prior) ** 2).sum(axis=1)
+        kept = square <= worst
+        costs = np.minimum(square, CAP).sum(axis=1) + ((solution / problem.prior) ** 2).sum(axis=1)
         if step == FIRST - 1:
-            subsets = subsets[np.argsort(cost)[:BEST]]
-    return subsets[int(np.argmin(cost))][owner]
+            kept = kept[np.argsort(costs)[:BEST]]
+    return kept[int(np.argmin(costs))][owner]
 
 
 def _associated(problem: Problem, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
@@ -98,8 +93,8 @@ def _associated(problem: Problem, tables: tuple[Measurements, ...]) -> Iterator[
 
 
 def _renamed(problem: Problem, fit: Estimate, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
-    """The estimate with touches that were left out on the faces that they most probably met."""
-    if on_faces(tables) is not None and not fit.used.all():
+    """The estimate with touches that were left out, or lie beside their faces, on those that they most probably met."""
+    if on_faces(tables) is not None:
         again = relabelled(problem, tables, nearest(problem, fit))
         if again is not problem:
             elsewhere = np.array([a != b for a, b in zip(again.rows.face, problem.rows.face, strict=True)])
@@ -136,20 +131,25 @@ def relabelled(problem: Problem, tables: tuple[Measurements, ...], faces: tuple[
 
 def labels(problem: Problem, fit: Estimate, recorded: Rows) -> tuple[Label, ...]:
     """Touches that met another face than was recorded, by an estimate whose rows may bear other faces already."""
-    names = problem.rows.face or ("",) * len(problem.rows)
+    if not problem.rows.face or problem.rows.face == recorded.face:
+        return ()
     off = problem.unknowns.linearize(problem.unknown(fit.x), recorded)[0]
+    tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(fit.x))[0]
+    by_name = problem.cell.the_jig.by_name
     return tuple(
-        Label(problem.rows.ids[owner], name, before, float(r))
-        for owner, name, before, r in zip(problem.rows.owner, names, recorded.face, off, strict=True)
+        Label(problem.rows.ids[owner], name, before, float(np.hypot(off[i], _beside(by_name[before], tip[i]))))
+        for i, (owner, name, before) in enumerate(
+            zip(problem.rows.owner, problem.rows.face, recorded.face, strict=True)
+        )
         if name != before
     )
 
 
 def nearest(problem: Problem, fit: Estimate) -> tuple[str, ...]:
-    """Faces of touches; those left out on the nearest face, if it is as near as a touch on it would be."""
+    """Faces of touches; those left out, or aside, on the nearest face, if it is as near as a touch on it would be."""
     by_name, faces = problem.cell.the_jig.by_name, list(problem.rows.face)
     tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(fit.x))[0]
-    for i in np.flatnonzero(~fit.used):
+    for i in np.flatnonzero(~fit.used | aside(problem, fit)):
         off = _distances(problem.cell, tip[i])
         name = min(off, key=lambda face: abs(off[face]), default="")
         own = SURE * max(fit.noise * problem.rows.sigma[i], by_name[name].tolerance) if name else 0.0
@@ -158,12 +158,26 @@ def nearest(problem: Problem, fit: Estimate) -> tuple[str, ...]:
     return tuple(faces)
 
 
+def aside(problem: Problem, found: Estimate) -> Bool[np.ndarray, " rows"]:
+    """Touches whose tip lies in the plane of their face, but beside it."""
+    rows, out = problem.rows, ~found.used
+    tip = problem.cell.kinematics.tip(rows.q, problem.theta(found.x))[0]
+    for face in () if problem.cell.jig is None else problem.cell.jig.faces:
+        on = rows.on(face.name)
+        out[on] |= _beside(face, tip[on]) <= ASIDE
+    return ~out if rows.face else np.zeros(len(rows), dtype=bool)
+
+
+def _beside(face: Face, tip: Float[np.ndarray, "*tips 3"]) -> Float[np.ndarray, " *tips"]:
+    """How far [mm] tips lie beside a face in its plane, along u or along v."""
+    fractions = face.fractions(tip)
+    return np.asarray((np.maximum(np.maximum(-fractions, fractions - 1), 0.0) * face.size).max(axis=-1))
+
+
 def _distances(cell: Cell, tip: Float[np.ndarray, " 3"]) -> dict[str, float]:
     """Distances [mm] of a tip from the faces that it may have met: those beside which it does not lie."""
     near = dict[str, float]()
     for face in cell.the_jig.faces:
-        fractions = face.fractions(tip)
-        beside = np.maximum(np.maximum(-fractions, fractions - 1) * face.size, 0.0)
-        if beside.max() < REST:
+        if _beside(face, tip) < REST:
             near[face.name] = float(face.normal @ tip - face.offset - cell.wire.ball)
     return near

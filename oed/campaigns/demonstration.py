@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from identify.compensation.compensate import compensate
 from identify.estimation.calibrate import calibrate
-from identify.estimation.face_association import believed
+from identify.estimation.face_association import as_identified
 from identify.estimation.verdict import promised
 from identify.estimation.verification import Verification, verify
 from identify.model.cell import Cell
@@ -68,7 +68,7 @@ def demonstrate(folder: Path, touches: int, seed: int, progress: Progress) -> De
         calibration, effort = _calibrated(folder, cell, truth, touches, seed, progress)
         verified = _verified(folder, calibration)
         _use(folder, calibration, verified)
-        return Demonstration(effort, _compared(folder, truth, calibration), *verified)
+        return Demonstration(effort, _compared(cell, truth, calibration), *verified)
 
 
 def _begun(folder: Path, touches: int, seed: int) -> Cell:
@@ -103,11 +103,11 @@ def _calibrated(
         planner=_planned,
         progress=progress,
     )
-    _unseen(folder, result.calibration, truth, seed)
+    _unseen(folder, cell, result.calibration, truth, seed)
     every = reduce(joined, (stage.touches for stage in result.stages))
     write_text(folder / "touches.csv", touches_text(every, cell.robot))
     inputs = _hashes(folder, "cell.yaml", "touches.csv")
-    calibration = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs, errors="cell")
+    calibration = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs)
     calibration = replace(calibration, promise=promised(calibration))
     write_calibration(folder / "calibration.json", calibration)
     return calibration, _effort(result)
@@ -137,19 +137,19 @@ def _hashes(folder: Path, *names: str) -> dict[str, str]:
     return {name: digest(folder / name) for name in names}
 
 
-def _unseen(folder: Path, calibration: Calibration, truth: Truth, seed: int) -> None:
+def _unseen(folder: Path, cell: Cell, calibration: Calibration, truth: Truth, seed: int) -> None:
     """Touches anywhere on the jig, and tip positions all over the zone as a tracker would measure them."""
-    cell, rng = calibration.cell, np.random.default_rng([seed, 1])
+    rng = np.random.default_rng([seed, 1])
     store = Folder(folder / "unseen", cell, {})
     store.path.mkdir(exist_ok=True)
     stage = store.planned(1)
     length = {"approach_mm": cell.touch.approach, "travel_mm": cell.touch.travel}
     random_plan = plan_touches(cell, UNSEEN, strategy="random", after=calibration, rng=rng, lifting=False).plan
     plan = store.keep_plan(1, random_plan, length) if stage is None else stage[0]
-    job = Job(1, believed(cell, calibration.theta), plan, True, 0.0)
+    job = Job(1, as_identified(cell, calibration), plan, True, 0.0)
     touches = _toucher(store.path, cell, truth, seed + UNSEEN)(job)
     write_text(folder / "unseen.csv", touches_text(touches, cell.robot))
-    q = zone_poses(cell, calibration.theta, UNSEEN, rng=rng)
+    q = zone_poses(calibration.cell, calibration.theta, UNSEEN, rng=rng)
     point = cell.kinematics.tip(q, truth.theta)[0] + cell.touch.sigma * rng.standard_normal((UNSEEN, 3))
     tables = Positions(tuple(f"p{i + 1}" for i in range(UNSEEN)), q, point, np.full(UNSEEN, cell.touch.sigma))
     write_text(folder / "unseen-positions.csv", positions_text(tables, cell.robot))
@@ -184,14 +184,13 @@ def _seam(cell: Cell) -> Float[np.ndarray, "points 6"]:
     return pose(T)
 
 
-def _compared(folder: Path, truth: Truth, calibration: Calibration) -> dict[str, Any]:
+def _compared(cell: Cell, truth: Truth, calibration: Calibration) -> dict[str, Any]:
     """The tip at unseen poses of the zone beside the hidden truth, and what was promised of it."""
-    cell = calibration.cell
-    q = zone_poses(cell, calibration.theta, POSES, rng=np.random.default_rng(12345))
+    q = zone_poses(calibration.cell, calibration.theta, POSES, rng=np.random.default_rng(12345))
     tip = cell.kinematics.tip(q, truth.theta)[0]
     before, after = (
-        summarize(np.linalg.norm(cell.kinematics.tip(q, theta)[0] - tip, axis=1))
-        for theta in (cell.theta, calibration.theta)
+        summarize(np.linalg.norm(known.kinematics.tip(q, theta)[0] - tip, axis=1))
+        for known, theta in ((cell, cell.theta), (calibration.cell, calibration.theta))
     )
     residuals = np.array([r.before_mm for r in calibration.residuals.values()])
     return {

@@ -12,18 +12,26 @@ MOST = 1000  # touches that a target may ask for: three hours
 MISSED = 0.05  # share of the touches that miss, above which they are why a target cannot be promised
 USUAL = 50  # touches from which others are extrapolated
 ENDLESS = 1e6  # times that touches are made to see what they leave at last
+LEVEL = 0.8  # of the error of the fewest touches that the most leave, from which sets of each number are chosen
+FEW = (0.5, 1.0, 1.5, 2.5)  # of these
 STEPS = (0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0)  # of the curve, times the number planned
 
 
-def curve(offered: CandidateSet, touches: Candidates) -> tuple[tuple[int, float], ...]:
-    """Numbers of touches like these, and the promised tip error [mm] after each; it never rises.
+def curve(
+    offered: CandidateSet, touches: Candidates, choose: Callable[[int], Candidates]
+) -> tuple[tuple[int, float], ...]:
+    """Numbers of touches, and the promised tip error [mm] after each; it never rises.
 
-    A quantile of normal errors falls with their covariance (Anderson 1955). That of draws may rise by their scatter,
-    where robots that miss nearly all touches decide: the curve is level there.
+    They are touches like these, made more or less often. Where robots that miss most of these decide, that changes
+    nothing, and `choose` makes a set of each number. A quantile of normal errors falls with their covariance (Anderson
+    1955), that of draws but for their scatter: the curve is level there.
     """
     n = len(touches)
     counts = sorted({max(1, round(step * n)) for step in STEPS})
     errors = np.array([offered.promise(touches, m / n).p95_mm for m in counts])
+    if errors[-1] > LEVEL * errors[0] and offered.searches(touches).missing.mean() > MISSED:
+        counts = sorted({max(1, round(step * n)) for step in FEW} & set(range(1, len(offered.candidates) + 1)) | {n})
+        errors = np.array([offered.promise(touches if m == n else choose(m)).p95_mm for m in counts])
     here = counts.index(n)
     errors[here::-1] = np.maximum.accumulate(errors[here::-1])
     errors[here:] = np.minimum.accumulate(errors[here:])

@@ -172,7 +172,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         manifold=choice.manifold,
         manifold_covers=choice.certificate.covers if choice.manifold is not None and choice.certificate else None,
         promise=offered.promise(touches),
-        curve=curve(offered, touches),
+        curve=curve(offered, touches, setting.quickly),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
         unseen=unseen(offered.identifiable, offered.rows_of(offered.candidates) @ basis, rows @ basis, offered.zone),
         notes=(

@@ -38,8 +38,8 @@ def test_a_plan_is_made_for_every_tolerance_and_its_curve_falls(name, benchmark,
         )
         assert len(result) == n
         assert (np.diff(errors) <= 1e-3 * errors[0]).all()
-        assert 0.9 < result.efficiency <= 1 + 1e-6
+        assert 0.7 < result.efficiency <= 1 + 1e-6  # the bound is of one robot: a set for many that miss is less near
         assert result.manifold is None or 0 < result.manifold <= result.efficiency + 1e-6
-        assert errors[-1] < 1.001 * errors[0]
+        assert errors[-1] < 0.95 * errors[0]
     promises = [result.promise.p95_mm for result in results]
     assert promises == sorted(promises, reverse=True)

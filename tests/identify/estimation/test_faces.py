@@ -1,28 +1,35 @@
-"""A jig is called worse than stated as seldom as chance allows, and a face that stands elsewhere is named."""
+"""A jig is called worse than stated as often as it is, and a face that stands elsewhere is named."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from identified import identified
-from scipy.stats import kstest
 
-from identify.estimation.faces import face_findings, surprise
+from identify.estimation.faces import BELIEVED, FACTORS, SOUND, WIDE, face_findings, probabilities
 from identify.model.calibration import FACE, SharedValue
 
 
-def test_the_chance_of_a_jig_as_good_as_stated_is_uniform(rng):
-    root = rng.standard_normal((6, 6))
-    C = np.linalg.inv(np.eye(6) + root @ root.T)  # posterior of offsets with a prior of one
-    scatter = np.linalg.cholesky(np.eye(6) - C)  # of their estimates
+def test_factors_drawn_as_probable_as_they_are_said_to_be_are_found_that_often(rng):
+    root = 3 * rng.standard_normal((8, 8))
+    C = np.linalg.inv(np.eye(8) + root @ root.T)  # posterior of offsets, by tolerances WIDE times the stated ones
+    noise = np.linalg.cholesky(C - C @ C)
+    before = np.where(FACTORS == 1, SOUND, (1 - SOUND) / (len(FACTORS) - 1))
 
-    chances = [surprise(scatter @ rng.standard_normal(6), C) for _ in range(500)]
+    sound, said = [], []
+    for _ in range(2000):
+        factor = rng.choice(FACTORS, p=before)
+        true = factor / WIDE * rng.standard_normal(8)
+        sound.append(factor == 1)
+        said.append(probabilities((np.eye(8) - C) @ true + noise @ rng.standard_normal(8), C)[0])
 
-    assert kstest(chances, "uniform").pvalue > 0.01
+    right = np.array(sound)[np.array(said) > BELIEVED].mean()
+    assert right == pytest.approx(np.array(said)[np.array(said) > BELIEVED].mean(), abs=0.03)
+    assert np.mean(said) == pytest.approx(SOUND, abs=0.03)
 
 
-def test_faces_that_no_touch_tells_of_surprise_nobody():
-    assert surprise(np.full(3, 9.0), np.eye(3)) == 1.0
+def test_faces_that_no_touch_tells_of_leave_the_jig_as_probable_as_before():
+    assert probabilities(np.zeros(3), np.eye(3))[0] == pytest.approx(SOUND, abs=1e-4)
 
 
 @pytest.fixture

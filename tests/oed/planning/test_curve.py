@@ -46,7 +46,7 @@ def test_the_smallest_number_is_the_one_of_the_closed_form(target):
 
 
 def test_the_curve_is_that_of_the_offer_and_falls():
-    points = curve(Offer(0.02), Touches(40))
+    points = curve(Offer(0.02), Touches(40), Touches)
 
     assert len(points) == len(STEPS)
     for n, error in points:
@@ -59,10 +59,19 @@ def test_the_curve_is_level_where_draws_scatter_upwards_and_passes_through_the_p
     usual, scatter = offer.promise, iter([0.0, 3e-3, 0.0, 3e-3, 0.0, 2e-2, 0.0, 4e-3, 1e-2])
     offer.promise = lambda touches, times: SimpleNamespace(p95_mm=usual(touches, times).p95_mm + next(scatter))
 
-    points = curve(offer, Touches(40))
+    points = curve(offer, Touches(40), Touches)
 
     assert [error for _, error in points] == sorted((error for _, error in points), reverse=True)
     assert dict(points)[40] == pytest.approx(usual(Touches(40)).p95_mm + 3e-3)
+
+
+def test_where_robots_that_miss_decide_the_curve_is_of_a_set_of_each_number():
+    offer = Offer(missing=0.5)
+    offer.promise = lambda touches, times=1.0: SimpleNamespace(p95_mm=1 / np.sqrt(len(touches)))  # repeats tell nothing
+
+    points = curve(offer, Touches(40), Touches)
+
+    assert points == tuple((n, pytest.approx(1 / np.sqrt(n))) for n in (20, 40, 60, 100))
 
 
 def test_a_target_below_the_floor_is_the_fault_of_the_jig():
