@@ -105,9 +105,8 @@ def _cell(off: float) -> Cell:
 def _row(robot: int, way: str, truth: Truth, target: float, outcome: Outcome) -> dict[str, Any]:
     error = np.full(1, np.nan)
     if outcome.calibration is not None:
-        kinematics = arc_welder().kinematics
-        tip, true = (kinematics.tip(zone(500), theta)[0] for theta in (outcome.calibration.theta, truth.theta))
-        error = np.linalg.norm(tip - true, axis=1)
+        tip = outcome.calibration.cell.kinematics.tip(zone(500), outcome.calibration.theta)[0]
+        error = np.linalg.norm(tip - arc_welder().kinematics.tip(zone(500), truth.theta)[0], axis=1)
     return {
         "robot": robot,
         "way": way,
@@ -143,7 +142,7 @@ def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng:
     try:
         belief = believe(cell, met)
         good = met.take(belief.as_planned(met))
-        calibration = calibrate(cell, good, start=belief.theta, folds=0, errors="cell")
+        calibration = calibrate(cell, good, start=belief.theta, folds=0)
     except (InputError, CalibrationFailed):
         return Outcome(n, len(met))
     return Outcome(n, len(met), zone_promise(calibration).p95_mm, calibration)

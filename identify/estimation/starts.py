@@ -163,7 +163,8 @@ def aside(problem: Problem, found: Estimate) -> Bool[np.ndarray, " rows"]:
     rows, out = problem.rows, ~found.used
     tip = problem.cell.kinematics.tip(rows.q, problem.theta(found.x))[0]
     for face in () if problem.cell.jig is None else problem.cell.jig.faces:
-        on = rows.on(face.name)
+        on = rows.on(face.name) & (np.abs(rows.offset - face.offset - problem.cell.wire.ball) < 1e-6)  # in its plane
+        out |= rows.on(face.name) & ~on
         out[on] |= _beside(face, tip[on]) <= ASIDE
     return ~out if rows.face else np.zeros(len(rows), dtype=bool)
 
