@@ -71,7 +71,7 @@ def plan_workpiece(
     touches, order = best_in_order(offered, n, "V", rng, corners)
     return WorkpiecePlan(
         plan=with_via(plan_of(touches), order.via),
-        cell=placed,
+        cell=replace(placed, robot=cell.robot),
         faces=_faces(touches),
         promise=offered.promise_of(corners, touches),
         curve=_curve(offered, corners),
@@ -86,7 +86,8 @@ def with_workpiece(
     """The cell with a workpiece in the place of the jig; there is no weld zone in its frame."""
     base = cell.base if after is None else after.theta[:6]
     base = base if at is None else pose(inverse(transform(at)))
-    return replace(cell, jig=workpiece, base=base, zone=None)
+    robot = cell.robot if after is None else replace(cell.robot, errors=after.cell.robot.errors, error_values=())
+    return replace(cell, robot=robot, jig=workpiece, base=base, zone=None)
 
 
 def best_in_order(
@@ -112,7 +113,7 @@ def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
     assert placed.base is not None
     known, count = posterior(after), len(after.estimated)
     C = known.covariance()[:count, :count]
-    base = [k for k, name in enumerate(after.estimated) if name.startswith("base.")]
+    base = [k for k in range(count) if after.index[k] < 6]
     links = [k for k in range(count) if k not in base]
     A = _seen_from(placed, after)[:, [after.index[k] for k in base]]
     T = np.zeros((6 + len(links) + len(base), count))  # base as the workpiece sees it, links, base as calibrated

@@ -9,10 +9,12 @@ from identified import identified
 from measured import poses_over_jig, table_2, touches_at
 
 from identify.estimation.calibrate import calibrate
+from identify.estimation.selection import with_errors
 from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.io.calibration_file import write_calibration
 from identify.model.io.description import library, read_cell
+from identify.model.joint_error_models import ERROR_MODELS
 from identify.model.touch import HIT
 from identify.workpiece.localization import locate
 from oed.planning.candidate_set import around
@@ -173,3 +175,15 @@ def test_a_calibration_whose_base_is_open_places_the_workpiece_where_it_found_th
     cell = with_workpiece(replace(arc_welder, base=None), box, None, identified(arc_welder, truth))
 
     assert cell.base == pytest.approx(truth[:6])
+
+
+def test_joint_errors_of_the_first_joint_are_no_part_of_where_the_base_was_found(arc_welder, box):
+    cell = with_errors(arc_welder, tuple(ERROR_MODELS))
+    some = ("base.x", "base.sag3")
+    known = identified(cell, cell.theta, estimated=some, covariance=np.diag([1e-4, 1e-12]))
+
+    prior = workpiece_prior(with_workpiece(arc_welder, box, None, known), known)
+
+    assert "calibrated.base.x" in prior.unknowns.names
+    assert "calibrated.base.sag3" not in prior.unknowns.names
+    assert prior.covariance(["base.sag3"]) == pytest.approx(1e-12)
