@@ -158,15 +158,14 @@ def nearest(problem: Problem, fit: Estimate) -> tuple[str, ...]:
     return tuple(faces)
 
 
-def aside(problem: Problem, found: Estimate) -> Bool[np.ndarray, " rows"]:
-    """Touches whose tip lies in the plane of their face, but beside it."""
-    rows, out = problem.rows, ~found.used
-    tip = problem.cell.kinematics.tip(rows.q, problem.theta(found.x))[0]
+def aside(problem: Problem, fit: Estimate) -> Bool[np.ndarray, " rows"]:
+    """Touches in use whose tip lies in the plane of their face, but beside it."""
+    rows, out = problem.rows, np.zeros(len(problem.rows), dtype=bool)
+    tip = problem.cell.kinematics.tip(rows.q, problem.theta(fit.x))[0]
     for face in () if problem.cell.jig is None else problem.cell.jig.faces:
-        on = rows.on(face.name) & (np.abs(rows.offset - face.offset - problem.cell.wire.ball) < 1e-6)  # in its plane
-        out |= rows.on(face.name) & ~on
-        out[on] |= _beside(face, tip[on]) <= ASIDE
-    return ~out if rows.face else np.zeros(len(rows), dtype=bool)
+        on = rows.on(face.name) & (np.abs(rows.offset - face.offset - problem.cell.wire.ball) < 1e-6)
+        out[on] = _beside(face, tip[on]) > ASIDE
+    return out & fit.used
 
 
 def _beside(face: Face, tip: Float[np.ndarray, "*tips 3"]) -> Float[np.ndarray, " *tips"]:
