@@ -42,10 +42,10 @@ def estimate(
     return fit.estimate(x) if used is None else fit.grown(x, used)
 
 
-def cost(problem: Problem, found: Estimate) -> float:
+def cost(problem: Problem, fit: Estimate) -> float:
     """Capped squares of residuals and squares of what priors hold, in units of the stated sigma."""
-    square = np.minimum((problem.residual(found.x) / problem.rows.sigma) ** 2, CAP).sum()
-    return float(square + ((found.x / problem.prior) ** 2).sum())
+    square = np.minimum((problem.residual(fit.x) / problem.rows.sigma) ** 2, CAP).sum()
+    return float(square + ((fit.x / problem.prior) ** 2).sum())
 
 
 def limit(rows: int) -> float:

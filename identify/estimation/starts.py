@@ -71,11 +71,11 @@ def trimmed(problem: Problem, x: Float[np.ndarray, " size"]) -> Bool[np.ndarray,
         square = np.zeros(subsets.shape)
         np.add.at(square.T, owner, ((y - solution @ A.T) ** 2).T)
         worst = np.partition(square, most - 1, axis=1)[:, most - 1 : most]
-        kept = square <= worst
+        subsets = square <= worst
         costs = np.minimum(square, CAP).sum(axis=1) + ((solution / problem.prior) ** 2).sum(axis=1)
         if step == FIRST - 1:
-            kept = kept[np.argsort(costs)[:BEST]]
-    return kept[int(np.argmin(costs))][owner]
+            subsets = subsets[np.argsort(costs)[:BEST]]
+    return subsets[int(np.argmin(costs))][owner]
 
 
 def _associated(problem: Problem, tables: tuple[Measurements, ...]) -> Iterator[tuple[Problem, Estimate]]:
