@@ -13,7 +13,7 @@ from identify.uncertainty.promise import INTERVAL
 
 WIDE = 5.0  # times its tolerances that a jig may be off, for the fit that shows how far it is
 FACTORS = 1.25 ** np.arange(13)  # times its tolerances that a jig may be off
-SOUND = 0.6  # probability of a jig as good as stated, before it is touched
+SOUND = 0.5  # probability of a jig as good as stated, before it is touched
 BELIEVED = 0.5  # and of one that is not called worse, afterwards
 NAMED = 4.0  # standard deviations that the tolerance does not explain
 
