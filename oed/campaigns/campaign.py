@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimation.calibrate import CalibrationFailed, calibrate
-from identify.estimation.face_association import Belief, as_identified, believe, provisional
-from identify.estimation.verdict import promised, refusals
+from identify.estimation.calibrate import calibrate
+from identify.estimation.face_association import Belief, believe, believed, provisional
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import structure
@@ -143,7 +142,7 @@ class _Loop:
             plan, notes = stored
             approach = (float(notes["approach_mm"]), float(notes["travel_mm"]))
         cell = _searching(self.cell, approach)
-        cell = cell if self.after is None else as_identified(cell, self.after)
+        cell = cell if self.after is None else believed(cell, self.after.theta)
         return Job(number, cell, plan, self.promised is None, deviation)
 
     def _planned(self, n: int, deviation: float, rng: np.random.Generator) -> tuple[Plan, tuple[float, float]]:
@@ -173,8 +172,7 @@ class _Loop:
         if self.promised is None or after is None:
             return plan_under_uncertainty(cell, n, rng, after, self.trail)
         plan = self.planner(cell, n, rng, after)
-        clearance = Clearance(as_identified(cell, after), after.theta)
-        started = begun(plan, UncertainEdges(clearance, after.theta[None], 0.0), self.trail)
+        started = begun(plan, UncertainEdges(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
         stuck = started is plan and self.trail is not None  # no way leads to any of them from where the robot stands
         return plan_under_uncertainty(cell, n, rng, after, self.trail) if stuck else started
 
@@ -192,30 +190,29 @@ class _Loop:
                 "priors honest?"
             )
         self.belief = believe(self.cell, self.met, self.belief)
-        self.after, self.promised = self._identified(self.met.take(self.belief.as_planned(self.met)))
+        good = self.met.take(self.belief.as_planned(self.met))
+        self.after, self.promised = self._identified(good)
         self.keep.keep_calibration(job.number, self.after)
         return Stage(job, touches, self.after, self.promised)
 
     def _identified(self, good: Touches) -> tuple[Calibration, float | None]:
-        """What `identify` says of all touches, or of the good ones; else what touches and tolerances tell together."""
+        """The calibration that the touches alone allow, else what they and the tolerances make most probable."""
         assert self.belief is not None
-        for touches, start in ((self.met, None), (good, self.belief.theta)) if len(good) >= self.enough else ():
+        if len(good) >= self.enough:
             try:
-                calibration = calibrate(self.cell, touches, start=start)
-            except (InputError, CalibrationFailed):  # so many, and still not of full rank, or on other faces
-                continue
-            calibration = replace(calibration, promise=promised(calibration))
-            if not refusals(calibration):
+                calibration = calibrate(self.cell, good, start=self.belief.theta, errors="cell")
                 self.more = MoreTouches(calibration, good)
                 return calibration, self.more.now
+            except InputError:  # so many, and still not of full rank
+                pass
         return provisional(self.cell, self.belief), None
 
     def _deviation(self) -> float:
         """How far the tip may be off [mm], 1 sigma."""
-        if self.after is not None:
-            return worst_deviation(tip_errors(self.after, zone_poses(self.after.cell, self.after.theta, 100)))
-        theta = self.cell.theta
+        theta = self.cell.theta if self.after is None else self.after.theta
         poses = zone_poses(self.cell, theta, 100)
+        if self.after is not None:
+            return worst_deviation(tip_errors(self.after, poses))
         unknowns = Unknowns.of(replace(self.cell, base=theta[:6], tool=theta[-6:]))  # what is to be fitted is nominal
         return worst_deviation(TipErrors(Information.prior(unknowns).root(unknowns.tip_rows(poses))))
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from identify.model.calibration import Calibration, Discrepancy
+from identify.model.io.calibration_file import Calibration
 from identify.model.measurement import rows
 from identify.model.touch import Touches
 from identify.model.zone import zone_poses
@@ -51,7 +51,7 @@ class MoreTouches:
         return float(high)
 
     def _stated(self, times: float) -> float:
-        """By priors and scatter as the calibration found them."""
+        """By priors and scatter as they are stated."""
         after = self._prior.updated(np.sqrt(times) * self._rows)
         return promise(TipErrors(after.root(self._tip))).p95_mm
 
@@ -64,16 +64,9 @@ class MoreTouches:
     def _rows(self) -> Float[np.ndarray, "touches unknowns"]:
         cell = self.calibration.cell
         equations = rows(cell.wire, [self.touches], cell.robot)
-        return self._prior.unknowns.rows(equations, self.calibration.theta) * self._size / self.calibration.noise
+        return self._prior.unknowns.rows(equations, self.calibration.theta)
 
     @cached_property
     def _tip(self) -> Float[np.ndarray, "poses 3 unknowns"]:
         theta = self.calibration.theta
-        return self._prior.unknowns.tip_rows(zone_poses(self.calibration.cell, theta), theta) * self._size
-
-    @cached_property
-    def _size(self) -> Float[np.ndarray, " unknowns"]:
-        """Factors on the priors of the unknowns."""
-        unknowns, found = self._prior.unknowns, self.calibration.discrepancy or Discrepancy(1.0)
-        errors = {name for name, _, _ in unknowns.cell.robot.error_parameters}
-        return np.array([found.errors if name in errors else found.geometry for name in unknowns.names])
+        return self._prior.unknowns.tip_rows(zone_poses(self.calibration.cell, theta), theta)
