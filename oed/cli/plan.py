@@ -201,8 +201,9 @@ def _certificate(answer: dict[str, Any]) -> list[str]:
     lines, share = [], answer["efficiency"]
     if share is not None:
         among = "the {joined} of {offered} touches on offer that clear ways join".format(**answer["candidates"])
-        better = ", which these are moved from to where they tell more" if share > 1 else ""
-        lines.append(f"at least {100 * share:.1f} % of the best possible over {among}{better}")
+        best = f"at least {100 * share:.1f} % of the best possible over {among}"
+        moved = f"better than any choice of {among}: these were moved from there to where they tell more"
+        lines.append(moved if share > 1 else best)
     if answer["manifold"] is not None:
         lines.append(f"at least {100 * answer['manifold']:.1f} % of the best possible over {answer['manifold_covers']}")
     return lines

@@ -16,6 +16,7 @@ from oracle import forward
 from identify.model.cell import Cell
 from identify.model.io.description import library, read_cell
 from oed.cli import main
+from oed.cli.plan import _certificate
 from probe.motion.clearance import MARGIN, NEAR, Clearance
 
 N = 40
@@ -220,3 +221,12 @@ def test_a_jig_out_of_reach_is_told_with_how_far(cell_file, tmp_path, touchcal):
 
     assert code == 2
     assert re.search(r"face 'top-low' is out of reach: the tip comes no nearer than 3\d\d\d mm; move the jig", err)
+
+
+@pytest.mark.parametrize(
+    ("share", "words"), [(0.9, "at least 90.0 % of the best possible over"), (1.01, "better than any choice of")]
+)
+def test_touches_that_were_moved_are_not_said_to_be_more_than_the_best(share, words):
+    answer = {"efficiency": share, "manifold": None, "candidates": {"joined": 90, "offered": 100}}
+    (line,) = _certificate(answer)
+    assert line.startswith(f"{words} the 90 of 100 touches on offer")
