@@ -211,7 +211,11 @@ def test_fewer_touches_than_parameters_are_a_plan_that_says_what_it_does_not_sho
     assert "A" not in told["indices"]
     assert told["indices"]["D"] == 0  # the touches alone determine nothing
     assert len(told["unseen"]) >= 5  # 25 identifiable parameters, 20 touches
-    assert all(line.endswith("make more touches") for line in told["unseen"])
+    cures = [
+        line.rpartition("; ")[2] for line in told["unseen"]
+    ]  # which directions a face would show, hangs on the plan
+    assert all(cure == "make more touches" or cure.startswith("add a face") for cure in cures)
+    assert cures.count("make more touches") > len(cures) / 2
 
 
 def test_a_jig_out_of_reach_is_told_with_how_far(cell_file, tmp_path, touchcal):
