@@ -44,10 +44,32 @@
     scene.add(mesh);
     bounds.expandByObject(mesh);
   }
+  const meshed = (part) => {
+    const geometry = new THREE.BufferGeometry();
+    const places = Float32Array.from(bytes(part.vertices, Int16Array), (x) => x * data.unit);
+    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    geometry.setIndex(new THREE.BufferAttribute(bytes(part.triangles, Uint16Array), 1));
+    const flat = geometry.toNonIndexed();
+    flat.computeVertexNormals();
+    return flat;
+  };
+  const shaped = {
+    box: (size) => new THREE.BoxGeometry(...size),
+    cylinder: ([radius, length]) => new THREE.CylinderGeometry(radius, radius, length, 32).rotateX(Math.PI / 2),
+    sphere: ([radius]) => new THREE.SphereGeometry(radius, 24, 16),
+  };
+  for (const shape of data.shapes) {
+    if (Math.max(...(shape.size || [0])) > 1500) continue;
+    const mesh = new THREE.Mesh(shape.kind === "mesh" ? meshed(shape) : shaped[shape.kind](shape.size), solid);
+    if (shape.pose) mesh.applyMatrix4(new THREE.Matrix4().set(...shape.pose));
+    mesh.updateMatrixWorld();
+    scene.add(mesh);
+    bounds.expandByObject(mesh);
+  }
   for (const face of data.faces) {
     const o = vector(face.origin), u = vector(face.u), v = vector(face.v);
     const corners = [o, o.clone().add(u), o.clone().add(u).add(v), o.clone().add(v), o];
-    scene.add(line(corners, "edge"));
+    scene.add(line(corners, face.bare ? "out" : "edge"));
     corners.forEach((c) => bounds.expandByPoint(c));
   }
   if (data.zone) {
@@ -79,13 +101,7 @@
 
   // the arm by its meshes, where the robot has some; each link moves as a whole
   const skin = standard("after"), solids = (data.links || []).map((link) => {
-    const geometry = new THREE.BufferGeometry();
-    const places = Float32Array.from(bytes(link.vertices, Int16Array), (x) => x * data.unit);
-    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
-    geometry.setIndex(new THREE.BufferAttribute(bytes(link.triangles, Uint16Array), 1));
-    const flat = geometry.toNonIndexed();
-    flat.computeVertexNormals();
-    const mesh = new THREE.Mesh(flat, skin);
+    const mesh = new THREE.Mesh(meshed(link), skin);
     mesh.userData.link = link.link;
     return mesh;
   });

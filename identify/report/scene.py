@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from identify.model.cell import Cell
 from identify.model.meshes import READERS
 from identify.model.robot import Robot
+from identify.model.shape import Shape
 
 MOST = 300  # touches that can be stepped through: the page stays small
 TRIANGLES = 1200  # of a link, about
@@ -43,6 +44,7 @@ def scene(
             for f in (jig.faces if jig else ())
         ],
         "boxes": [{"lower": b.lower, "upper": b.upper} for b in (jig.boxes if jig else ())],
+        "shapes": [_solid(shape) for shape in (*(jig.obstacles if jig else ()), *cell.obstacles)],
         "zone": None if zone is None else {"lower": zone.box[:, 0].tolist(), "upper": zone.box[:, 1].tolist()},
         "unit": UNIT,
         "links": links,
@@ -81,13 +83,25 @@ def _frames(
     return np.hstack([column for pair in zip(origins, turns, strict=True) for column in pair])
 
 
+def _solid(shape: Shape) -> dict[str, Any]:
+    """A solid that stands still: a mesh in the jig frame, or what it is, how large, and where it stands."""
+    if shape.kind == "mesh":
+        return {"kind": "mesh"} | _drawn(*shape.mesh)
+    return {"kind": shape.kind, "size": list(shape.size), "pose": shape.pose.ravel().round(5).tolist()}
+
+
+def _drawn(vertices: Float[np.ndarray, "vertices 3"], triangles: Int[np.ndarray, "triangles 3"]) -> dict[str, str]:
+    """A mesh, merged on a grid until it is small."""
+    vertices, triangles = simplified(vertices, triangles)
+    return {"vertices": _text(vertices / UNIT, "<i2"), "triangles": _text(triangles, "<u2")}
+
+
 def _links(robot: Robot) -> list[dict[str, Any]]:
-    """The meshes of the links, merged on a grid until they are small."""
+    """The meshes of the links."""
     links = []
     for number in sorted({shape.link for shape in robot.shapes if _drawable(shape.kind, shape.path)}):
         meshes = [s.mesh for s in robot.shapes if s.link == number and _drawable(s.kind, s.path)]
-        vertices, triangles = simplified(*joined_mesh(meshes))
-        links.append({"link": number, "vertices": _text(vertices / UNIT, "<i2"), "triangles": _text(triangles, "<u2")})
+        links.append({"link": number} | _drawn(*joined_mesh(meshes)))
     return links
 
 

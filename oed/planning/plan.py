@@ -56,6 +56,8 @@ class PlanResult:
     """Numbers of touches, and the 95 % tip error in the zone to expect [mm]."""
     minutes: float
     """That the run takes."""
+    missing: tuple[float, ...]
+    """The share of the robots drawn from what is known that miss each touch."""
     unseen: tuple[str, ...]
     """Sentences: what these touches cannot see, and what to add."""
     notes: tuple[str, ...]
@@ -135,6 +137,7 @@ def summary(result: PlanResult) -> dict[str, Any]:
         "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
         "curve": [{"touches": m, "p95_mm": error} for m, error in result.curve],
         "minutes": result.minutes,
+        "missing": list(result.missing),
         "unseen": list(result.unseen),
         "notes": list(result.notes),
     }
@@ -174,6 +177,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         promise=offered.promise(touches),
         curve=curve(offered, touches, setting.quickly),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
+        missing=tuple(offered.searches(touches).missing.tolist()),
         unseen=unseen(offered.identifiable, offered.rows_of(offered.candidates) @ basis, rows @ basis, offered.zone),
         notes=(
             *offered.candidates.notes,

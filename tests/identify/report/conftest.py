@@ -7,6 +7,7 @@ from virtual_support import make_plan
 
 from identify.report.plan import plan_page
 
+UNREACHED = "front-low"
 HOSTILE = "<script>document.title='owned'</script><!--"
 
 
@@ -19,6 +20,7 @@ def plan_html(arc_welder):
         "minutes": 3.0,
         "curve": [{"touches": 20, "p95_mm": 0.1}],
         "unseen": [HOSTILE],
-        "notes": [],
+        "missing": [0.0, *(0.3,) * 11],
+        "notes": [f"face '{UNREACHED}' is out of reach"],
     }
     return plan_page(cell, make_plan(cell, 12, seed=5), told)

@@ -67,3 +67,21 @@ def test_the_torch_bends_at_its_neck_towards_the_flange(arc_welder, rng):
     tip, R = arc_welder.kinematics.tip(q, arc_welder.theta)
     for p, wire, touch in zip(tip, R[:, :, 2], shown["touches"], strict=True):
         np.testing.assert_allclose(touch["nominal"][-2:], [p - 110 * wire, p], atol=0.1)
+
+
+def test_obstacles_stand_where_they_lean(arc_welder, tmp_path):
+    pose = np.array([[0.6, 0, 0.8, 50], [0, 1, 0, 60], [-0.8, 0, 0.6, 70], [0, 0, 0, 1]])
+    part = tmp_path / "part.stl"
+    part.write_bytes(stl(*box((40.0, 60.0, 80.0))))
+    shapes = (
+        Shape(0, "ramp", "box", (80.0, 200.0, 40.0), pose),
+        Shape(0, "part", "mesh", (1.0,), pose, part.name, part),
+    )
+
+    ramp, mesh = scene(replace(arc_welder, obstacles=shapes), None, (), (), np.empty((0, 6)), ())["shapes"]
+
+    np.testing.assert_allclose(ramp["pose"], pose.ravel())
+    assert ramp["size"] == [80.0, 200.0, 40.0]
+    corners = np.frombuffer(b64decode(mesh["vertices"]), "<i2").reshape(-1, 3) * UNIT
+    known = box((40.0, 60.0, 80.0))[0] @ pose[:3, :3].T + pose[:3, 3]
+    assert all(np.linalg.norm(corners - corner, axis=1).min() < UNIT for corner in known)
