@@ -36,7 +36,7 @@ from identify.estimation.face_association import believe
 from identify.model.cell import Cell, Priors
 from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
-from identify.model.touch import HIT, Plan, Touches
+from identify.model.touch import Plan, Touches
 from identify.report.svg import Chart, axis, colour, picture
 from identify.uncertainty.posterior import zone_promise
 from oed.campaigns.campaign import LONGEST, campaign
@@ -51,7 +51,7 @@ from studies.engine import Table, column, distinct, where
 
 TARGET, ROUGH = 0.15, 0.6  # [mm]
 NUMBERS, FEWER = (100, 200, 400), (40,)  # touches of one shot
-MOST = 150  # touches of a campaign
+MOST = 200  # touches of a campaign
 KNOWN = 0.2  # of the tolerances: a robot that takes few touches and short searches
 ROBOTS, SHOT = 50, 10  # with campaigns, and how many of them with one shot, too
 SAID = {"campaign": "campaigns, a dot each", "optimal": "one shot, planned", "even": "one shot, even (medians)"}
@@ -138,7 +138,7 @@ def _by_turns(cell: Cell, truth: Truth, target: float, most: int, rng: np.random
 def _at_once(off: float, truth: Truth, strategy: str, n: int, offered: int, rng: np.random.Generator) -> Outcome:
     cell, (wide, result) = _cell(off), _shot(off, strategy, n, offered)
     touches = touch_batch(wide, truth, result, rng, blind=True)
-    met = touches.take(np.array([status == HIT for status in touches.status]))
+    met = touches.measured()
     try:
         belief = believe(cell, met)
         good = met.take(belief.as_planned(met))

@@ -61,6 +61,7 @@ def calibrate(
     """
     if not tables or any(isinstance(table, list | tuple) for table in tables):
         raise TypeError("calibrate takes measurements table by table: calibrate(cell, *read_measurements(path, cell))")
+    tables = tuple(table.measured() for table in tables)
     for table in tables:
         cell.robot.require_radians(table.q)
     rng, cell = np.random.default_rng(0) if rng is None else rng, cell_with_errors(cell, errors)

@@ -39,7 +39,7 @@ class Verification:
 
 def verify(calibration: Calibration, *tables: Measurements) -> Verification:
     """Errors of the nominal and of the identified robot; raises InputError if a measurement was used in the fit."""
-    cell = calibration.cell
+    cell, tables = calibration.cell, tuple(table.measured() for table in tables)
     for table in tables:
         cell.robot.require_radians(table.q)
     equations = rows(cell.wire, tables, cell.robot, cell.places)

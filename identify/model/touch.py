@@ -29,6 +29,10 @@ class Table:
         picked = {k: c[rows] if isinstance(c, np.ndarray) else tuple(c[i] for i in rows) for k, c in filled.items()}
         return replace(self, **picked)  # type: ignore[type-var]
 
+    def measured(self: T) -> T:
+        """The rows that hold a measurement."""
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class Touches(Table):
@@ -62,6 +66,11 @@ class Touches(Table):
     """Names of further wires; None or empty: the tool of the cell."""
     payload: Float[np.ndarray, " touches"] | None = None
     """[kg] that the flange carried, NaN where not recorded."""
+
+    def measured(self) -> "Touches":
+        """The touches of status hit."""
+        hits = np.array([status == HIT for status in self.status], dtype=bool)
+        return self if hits.all() else self.take(hits)
 
 
 def joined(a: Touches, b: Touches) -> Touches:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from identify.estimation.calibrate import calibrate
+from identify.estimation.calibrate import CalibrationFailed, calibrate
 from identify.estimation.face_association import Belief, believe, believed, provisional
+from identify.estimation.verdict import promised, refusals
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import structure
@@ -15,7 +16,7 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.touch import HIT, Plan, Touches, joined
 from identify.model.zone import zone_poses
 from identify.uncertainty.information import Information
-from identify.uncertainty.posterior import tip_errors
+from identify.uncertainty.posterior import tip_errors, zone_promise
 from identify.uncertainty.promise import TipErrors, worst_deviation
 from identify.uncertainty.unknowns import Unknowns
 from oed.campaigns.more_touches import MoreTouches
@@ -48,7 +49,7 @@ def campaign(
     cell: Cell,
     *,
     target_mm: float,
-    max_touches: int = 150,
+    max_touches: int = 200,
     rng: np.random.Generator,
     touch: Touch,
     keep: CampaignStore | None = None,
@@ -183,7 +184,7 @@ class _Loop:
         status = dict(zip(touches.ids, touches.status, strict=True))
         arrived = [i for i, name in enumerate(job.plan.ids) if status.get(name) in ARRIVED]
         self.trail = job.plan.take(np.array(arrived)) if arrived else self.trail
-        self.met = joined(self.met, touches.take(np.array([s == HIT for s in touches.status], dtype=bool)))
+        self.met = joined(self.met, touches.measured())
         if not len(self.met):
             raise TouchError(
                 f"none of {self.tried} touches met the jig; are jig, base and tool where the cell file says, and its "
@@ -191,21 +192,39 @@ class _Loop:
             )
         self.belief = believe(self.cell, self.met, self.belief)
         good = self.met.take(self.belief.as_planned(self.met))
-        self.after, self.promised = self._identified(good)
-        self.keep.keep_calibration(job.number, self.after)
-        return Stage(job, touches, self.after, self.promised)
+        self.after, calibration, self.promised = self._identified(good)
+        self.keep.keep_calibration(job.number, calibration)
+        return Stage(job, touches, calibration, self.promised)
 
-    def _identified(self, good: Touches) -> tuple[Calibration, float | None]:
-        """The calibration that the touches alone allow, else what they and the tolerances make most probable."""
+    def _identified(self, good: Touches) -> tuple[Calibration, Calibration, float | None]:
+        """The robot to plan with, the calibration to hand out, and what it promises [mm]; None for too few touches.
+
+        The next touches are planned for the joint errors that the cell names. What is promised is what `identify` says.
+        """
         assert self.belief is not None
         if len(good) >= self.enough:
             try:
-                calibration = calibrate(self.cell, good, start=self.belief.theta, errors="cell")
-                self.more = MoreTouches(calibration, good)
-                return calibration, self.more.now
+                planned_with = calibrate(self.cell, good, start=self.belief.theta, errors="cell")
+                calibration = self._as_identify(good) or planned_with
+                now = zone_promise(calibration).p95_mm
+                self.more = MoreTouches(planned_with, good, now)
+                return planned_with, calibration, now
             except InputError:  # so many, and still not of full rank
                 pass
-        return provisional(self.cell, self.belief), None
+        guess = provisional(self.cell, self.belief)
+        return guess, guess, None
+
+    def _as_identify(self, good: Touches) -> Calibration | None:
+        """What `identify` says of all touches that met something, else of the good ones; None where it refuses both."""
+        for touches in (self.met, good):
+            try:
+                calibration = calibrate(self.cell, touches)
+            except (InputError, CalibrationFailed):
+                continue
+            calibration = replace(calibration, promise=promised(calibration))
+            if not refusals(calibration):
+                return calibration
+        return None
 
     def _deviation(self) -> float:
         """How far the tip may be off [mm], 1 sigma."""
@@ -250,9 +269,9 @@ class _Loop:
         """What keeps the error up, in words."""
         tolerance = max(face.tolerance for face in self.cell.the_jig.faces)
         return (
-            f"promised are {self.promised:.3f} mm; {floor:.3f} mm would stay however many are made, because the faces "
-            f"of the jig stand where they should to {tolerance:g} mm (1 sigma); the rest is the scatter of a touch, "
-            f"{self.cell.touch.sigma:g} mm"
+            f"promised are {self.promised:.3f} mm; {floor:.3f} mm would stay however often these are made, because the "
+            f"faces of the jig stand where they should to {tolerance:g} mm (1 sigma), and joint errors may hide from "
+            f"them; the rest is the scatter of a touch, {self.cell.touch.sigma:g} mm"
         )
 
 

@@ -11,7 +11,7 @@ from identify.model.measurement import rows
 from identify.model.touch import Touches
 from identify.model.zone import zone_poses
 from identify.uncertainty.information import Information
-from identify.uncertainty.posterior import posterior, zone_promise
+from identify.uncertainty.posterior import posterior
 from identify.uncertainty.promise import TipErrors, promise
 
 OFTEN = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 4096.0)  # times that the touches may be made
@@ -24,11 +24,7 @@ class MoreTouches:
 
     calibration: Calibration
     touches: Touches
-
-    @cached_property
-    def now(self) -> float:
-        """What the calibration promises [mm]."""
-        return zone_promise(self.calibration).p95_mm
+    now: float  # [mm], promised by the touches as they are
 
     def promised(self, times: float) -> float:
         """The tip error [mm] promised if each touch was made so many `times`."""

@@ -8,7 +8,7 @@ from oed.planning import strategies, visitable
 from oed.refinement import certificate
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def quick_plans() -> Iterator[None]:
     """Plans with less search: here they need not be the best, only better than others."""
     with pytest.MonkeyPatch.context() as patch:

@@ -13,6 +13,7 @@ from identify.model.files import InputError
 from identify.model.identifiability import structure
 from identify.model.io.calibration_file import calibration_entry, read_calibration, write_calibration
 from identify.model.measurement import measurement_model, rows
+from identify.model.touch import joined
 
 SIGMA = 0.05  # [mm]
 
@@ -384,3 +385,14 @@ def test_without_tolerances_dependent_parameters_cannot_all_be_estimated(arc_wel
 
     with pytest.raises(InputError, match=r"nothing is known of base\.x"):
         calibrate(arc_welder, touches, priors=False, errors="cell")
+
+
+def test_rows_of_touches_that_met_nothing_change_nothing(arc_welder, poses):
+    rng = np.random.default_rng(5)
+    touches = touches_at(arc_welder, perturbed(arc_welder, rng)[0], poses[:60], rng)
+    misses = replace(touches.take(np.arange(3)), ids=("m1", "m2", "m3"), status=("miss", "early", "outlier"))
+
+    alone, beside = (calibrate(arc_welder, t, errors="cell", folds=0) for t in (touches, joined(touches, misses)))
+
+    np.testing.assert_array_equal(alone.theta, beside.theta)
+    assert set(beside.residuals) == set(touches.ids)

@@ -1,6 +1,6 @@
 """Tables keep their columns together, whichever rows are taken, put together or passed on the way."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -46,3 +46,12 @@ def test_a_plan_without_postures_on_the_way_goes_straight_to_the_approach(rng):
     plan = Plan(("a", "b"), ("top",) * 2, np.zeros((2, 3)), np.zeros((2, 3)), q, q + 0.1)
 
     np.testing.assert_array_equal(plan.way(1), [q[1] + 0.1])
+
+
+def test_a_touch_that_met_nothing_is_no_measurement(touches):
+    status = ("hit", "miss", "hit", "skipped", "outlier", "hit")
+
+    measured = replace(touches, status=status).measured()
+
+    assert measured.ids == tuple(touches.ids[i] for i in (0, 2, 5))
+    assert touches.measured() is touches

@@ -6,12 +6,14 @@ from functools import reduce
 import numpy as np
 import pytest
 
+from identify.estimation.calibrate import calibrate
 from identify.estimation.face_association import believe, believed
 from identify.model.cell import Priors
 from identify.model.files import InputError
 from identify.model.io.calibration_file import summarize
 from identify.model.touch import Plan, joined
 from identify.model.zone import zone_poses
+from identify.uncertainty.posterior import zone_promise
 from oed.campaigns.campaign import campaign
 from oed.campaigns.connection import Connection
 from oed.campaigns.folder import Folder, over_port, touches_of
@@ -79,6 +81,15 @@ def test_a_campaign_reaches_its_target_and_the_hidden_robot_is_within_the_promis
     assert summarize(errors(known, found.calibration, truth)).p95_mm <= found.promised_mm <= 0.3
 
 
+def test_what_a_campaign_promises_is_what_identify_says_of_its_touches(known, done):
+    _, found = done
+    touches = reduce(joined, (stage.touches for stage in found.stages))
+
+    said = zone_promise(calibrate(known, touches))
+
+    assert found.promised_mm == pytest.approx(said.p95_mm, rel=1e-3)
+
+
 def test_a_robot_known_to_its_tolerances_is_searched_farther_than_one_identified(known, done):
     _, found = done
 
@@ -90,7 +101,7 @@ def test_a_robot_known_to_its_tolerances_is_searched_farther_than_one_identified
 def test_a_campaign_says_how_far_it_is(done, said):
     counts = [len(stage.touches) for stage in done[1].stages]
 
-    tried = np.repeat(np.cumsum([0, *counts[:-1]]), 2) / 150  # touches at the most
+    tried = np.repeat(np.cumsum([0, *counts[:-1]]), 2) / 200  # touches at the most
     assert [share for _, share in said] == pytest.approx(tried)
     assert [what for what, _ in said][:2] == ["stage 1: planning", f"stage 1: {counts[0]} touches"]
 

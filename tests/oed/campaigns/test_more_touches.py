@@ -5,6 +5,7 @@ import pytest
 from identified import identified
 from measured import poses_over_jig, touches_at
 
+from identify.uncertainty.posterior import zone_promise
 from oed.campaigns.more_touches import MoreTouches
 
 
@@ -16,7 +17,7 @@ def more(arc_welder):
     index = [arc_welder.robot.parameters.index(name) for name in names]
     covariance = np.diag((0.01 * arc_welder.prior[index]) ** 2)
     calibration = identified(arc_welder, arc_welder.theta, estimated=tuple(names), covariance=covariance)
-    return MoreTouches(calibration, touches)
+    return MoreTouches(calibration, touches, zone_promise(calibration).p95_mm)
 
 
 def test_once_is_what_the_calibration_promises_and_more_is_less(more):
