@@ -51,7 +51,7 @@ from studies.engine import Table, column, distinct, where
 
 TARGET, ROUGH = 0.15, 0.6  # [mm]
 NUMBERS, FEWER = (100, 200, 400), (40,)  # touches of one shot
-MOST = 200  # touches of a campaign
+MOST = 250  # touches of a campaign
 KNOWN = 0.2  # of the tolerances: a robot that takes few touches and short searches
 ROBOTS, SHOT = 50, 10  # with campaigns, and how many of them with one shot, too
 SAID = {"campaign": "campaigns, a dot each", "optimal": "one shot, planned", "even": "one shot, even (medians)"}

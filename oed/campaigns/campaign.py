@@ -49,7 +49,7 @@ def campaign(
     cell: Cell,
     *,
     target_mm: float,
-    max_touches: int = 200,
+    max_touches: int = 250,
     rng: np.random.Generator,
     touch: Touch,
     keep: CampaignStore | None = None,

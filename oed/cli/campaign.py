@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def campaign(
     *,
     target: float = 0.15,
-    max_touches: int = 200,
+    max_touches: int = 250,
     cell: CellFile = Path("cell.yaml"),
     output: Output = Path(),
     port: Port = CELL_PORT,

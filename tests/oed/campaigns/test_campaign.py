@@ -101,7 +101,7 @@ def test_a_robot_known_to_its_tolerances_is_searched_farther_than_one_identified
 def test_a_campaign_says_how_far_it_is(done, said):
     counts = [len(stage.touches) for stage in done[1].stages]
 
-    tried = np.repeat(np.cumsum([0, *counts[:-1]]), 2) / 200  # touches at the most
+    tried = np.repeat(np.cumsum([0, *counts[:-1]]), 2) / 250  # touches at the most
     assert [share for _, share in said] == pytest.approx(tried)
     assert [what for what, _ in said][:2] == ["stage 1: planning", f"stage 1: {counts[0]} touches"]
 
