@@ -87,8 +87,8 @@ def face_findings(c: Calibration) -> Iterator[Finding]:
     if (ratio > 1.5).any():
         yield Finding(
             "jig",
-            f"its faces stand {np.sqrt(np.mean(value**2)):.3f} mm (RMS) off their places, {ratio.max():.1f} times "
-            "their tolerance; measure the jig, or write a wider tolerance_mm",
+            f"the touches fit a jig whose faces are off by {(ratio * stated).max():.3f} mm (1 sigma), "
+            f"{ratio.max():.1f} times the stated tolerance; measure the jig, or write a wider tolerance_mm",
         )
     scatter = np.sqrt(np.maximum((ratio * stated) ** 2 - deviation**2, 1e-12)) / np.maximum(ratio, 1.0)
     beyond = np.maximum(stated, INTERVAL * deviation)
