@@ -13,7 +13,8 @@ MISSED = 0.05  # share of the touches that miss, above which they are why a targ
 USUAL = 50  # touches from which others are extrapolated
 ENDLESS = 1e6  # times that touches are made to see what they leave at last
 LEVEL = 0.8  # of the error of the fewest touches that the most leave, from which sets of each number are chosen
-FEW = (0.5, 1.0, 1.5, 2.5)  # of these
+FEW = (0.5, 1.5, 2.5)  # of these, beside the number planned
+QUICK = 120  # touches up to which larger sets are chosen for the curve alone
 STEPS = (0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0)  # of the curve, times the number planned
 
 
@@ -30,7 +31,8 @@ def curve(
     counts = sorted({max(1, round(step * n)) for step in STEPS})
     errors = np.array([offered.promise(touches, m / n).p95_mm for m in counts])
     if errors[-1] > LEVEL * errors[0] and offered.searches(touches).missing.mean() > MISSED:
-        counts = sorted({max(1, round(step * n)) for step in FEW} & set(range(1, len(offered.candidates) + 1)) | {n})
+        most = min(max(QUICK, n // 2), len(offered.candidates))
+        counts = sorted({m for step in FEW if 1 <= (m := round(step * n)) <= most} | {n})
         errors = np.array([offered.promise(touches if m == n else choose(m)).p95_mm for m in counts])
     here = counts.index(n)
     errors[here::-1] = np.maximum.accumulate(errors[here::-1])

@@ -65,13 +65,14 @@ def test_the_curve_is_level_where_draws_scatter_upwards_and_passes_through_the_p
     assert dict(points)[40] == pytest.approx(usual(Touches(40)).p95_mm + 3e-3)
 
 
-def test_where_robots_that_miss_decide_the_curve_is_of_a_set_of_each_number():
+@pytest.mark.parametrize(("planned", "numbers"), [(40, (20, 40, 60, 100)), (200, (100, 200)), (1, (1, 2))])
+def test_where_robots_that_miss_decide_the_curve_is_of_a_set_of_each_number(planned, numbers):
     offer = Offer(missing=0.5)
     offer.promise = lambda touches, times=1.0: SimpleNamespace(p95_mm=1 / np.sqrt(len(touches)))  # repeats tell nothing
 
-    points = curve(offer, Touches(40), Touches)
+    points = curve(offer, Touches(planned), Touches)
 
-    assert points == tuple((n, pytest.approx(1 / np.sqrt(n))) for n in (20, 40, 60, 100))
+    assert points == tuple((n, pytest.approx(1 / np.sqrt(n))) for n in numbers)
 
 
 def test_a_target_below_the_floor_is_the_fault_of_the_jig():
