@@ -12,9 +12,9 @@ Questions about calibrating a robot by touch, each answered by one script of thi
 and its pictures again with one command, on all cores of this machine or, with `--scheduler ADDRESS`, on a Dask cluster.
 What is finished is kept: a study that was interrupted goes on where it was. A seed gives the same table anywhere.
 
-This page is made from the scripts by `python -m studies.readme`. The figures of the study campaign are older than plans
-that count with touches that miss and than fits that average joint errors: both are more careful now, so promises
-computed again are wider.
+This page is made from the scripts by `python -m studies.readme`. In the study campaign, the rows of one shot and the
+picture are older than plans that count with touches that miss and than fits that average joint errors; the rows of
+campaigns are not.
 """
 
 
