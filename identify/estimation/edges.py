@@ -100,9 +100,7 @@ def _pairs(
         step = np.nan_to_num(step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9))
     possible = np.zeros((len(rows), len(cell.the_jig.faces)), dtype=bool)
     for k, face in enumerate(cell.the_jig.faces):
-        fractions = face.fractions(tip)
-        beside = (np.maximum(np.maximum(-fractions, fractions - 1), 0.0) * face.size).max(axis=1)
         near = np.abs(tip @ face.normal - face.offset) < NEAR
-        possible[:, k] = near & (beside < BESIDE) & (step @ face.normal < GRAZING) & ~rows.on(face.name)
+        possible[:, k] = near & (face.beside(tip) < BESIDE) & (step @ face.normal < GRAZING) & ~rows.on(face.name)
     touch, other = np.nonzero(possible)
     return touch, other

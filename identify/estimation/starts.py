@@ -11,7 +11,6 @@ from identify.estimation.face_association import believe
 from identify.estimation.problem import CalibrationFailed, Problem
 from identify.estimation.robust import CAP, Estimate, cost, estimate
 from identify.model.cell import Cell
-from identify.model.jig import Face
 from identify.model.measurement import Measurements, Rows, equations
 from identify.model.touch import Touches
 
@@ -137,7 +136,7 @@ def labels(problem: Problem, fit: Estimate, recorded: Rows) -> tuple[Label, ...]
     tip = problem.cell.kinematics.tip(problem.rows.q, problem.theta(fit.x))[0]
     by_name = problem.cell.the_jig.by_name
     return tuple(
-        Label(problem.rows.ids[owner], name, before, float(np.hypot(off[i], _beside(by_name[before], tip[i]))))
+        Label(problem.rows.ids[owner], name, before, float(np.hypot(off[i], by_name[before].beside(tip[i]))))
         for i, (owner, name, before) in enumerate(
             zip(problem.rows.owner, problem.rows.face, recorded.face, strict=True)
         )
@@ -164,20 +163,14 @@ def aside(problem: Problem, fit: Estimate) -> Bool[np.ndarray, " rows"]:
     tip = problem.cell.kinematics.tip(rows.q, problem.theta(fit.x))[0]
     for face in () if problem.cell.jig is None else problem.cell.jig.faces:
         on = rows.on(face.name) & (np.abs(rows.offset - face.offset - problem.cell.wire.ball) < 1e-6)
-        out[on] = _beside(face, tip[on]) > ASIDE
+        out[on] = face.beside(tip[on]) > ASIDE
     return out & fit.used
-
-
-def _beside(face: Face, tip: Float[np.ndarray, "*tips 3"]) -> Float[np.ndarray, " *tips"]:
-    """How far [mm] tips lie beside a face in its plane, along u or along v."""
-    fractions = face.fractions(tip)
-    return np.asarray((np.maximum(np.maximum(-fractions, fractions - 1), 0.0) * face.size).max(axis=-1))
 
 
 def _distances(cell: Cell, tip: Float[np.ndarray, " 3"]) -> dict[str, float]:
     """Distances [mm] of a tip from the faces that it may have met: those beside which it does not lie."""
     near = dict[str, float]()
     for face in cell.the_jig.faces:
-        if _beside(face, tip) < REST:
+        if face.beside(tip) < REST:
             near[face.name] = float(face.normal @ tip - face.offset - cell.wire.ball)
     return near

@@ -1,7 +1,7 @@
 """Whether a calibration may be used: if not, what is wrong and what to do."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -11,9 +11,7 @@ from identify.model.calibration import Calibration, Finding, summarize
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.measurement import Measurements, Rows, equations
-from identify.model.zone import zone_poses
-from identify.uncertainty.posterior import tip_errors
-from identify.uncertainty.promise import promise
+from identify.uncertainty.posterior import zone_promise
 
 ABSURD = 20.0  # times its sigma that no measurement scatters
 MOST = 0.25  # share of the measurements that may be left out
@@ -23,12 +21,11 @@ QUARTERS = -90, 90, 180  # [deg], zeros that are tried
 BETTER = 0.1  # of the residuals that a hypothesis may leave, to be proposed
 
 
-def promised(c: Calibration) -> dict[str, float] | None:
-    """The promise of a calibration in its weld zone [mm]; None for a cell without zone and jig."""
+def with_promise(c: Calibration) -> Calibration:
+    """The calibration with its promise for the weld zone; as it is for a cell without zone and jig."""
     if c.cell.zone is None and c.cell.jig is None:
-        return None
-    zone = promise(tip_errors(c, zone_poses(c.cell, c.theta)))
-    return {"rms_mm": zone.rms_mm, "p95_mm": zone.p95_mm}
+        return c
+    return replace(c, promise=asdict(zone_promise(c)))
 
 
 def refusals(c: Calibration) -> tuple[str, ...]:

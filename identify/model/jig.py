@@ -46,6 +46,11 @@ class Face:
         """Fractions (s, t) of points projected on the plane of the face; on the rectangle where both lie in 0 ... 1."""
         return np.asarray((point - self.origin) @ np.linalg.pinv(np.stack([self.u, self.v])))
 
+    def beside(self, point: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "..."]:
+        """How far [mm] points lie beside the rectangle in its plane, along u or along v; 0 on it."""
+        fractions = self.fractions(point)
+        return np.asarray((np.maximum(np.maximum(-fractions, fractions - 1), 0.0) * self.size).max(axis=-1))
+
 
 @dataclass(frozen=True)
 class Box:

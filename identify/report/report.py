@@ -1,13 +1,12 @@
 """The report of a calibration: a verdict in words, what it rests on, and how to use it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from html import escape
 
 import numpy as np
 
 from identify.compensation.ladder import ladder
-from identify.estimation.verdict import promised
+from identify.estimation.verdict import with_promise
 from identify.estimation.verification import Verification, beyond_in_zone
 from identify.model.io.calibration_file import Calibration, Errors, summarize
 from identify.model.measurement import Measurements
@@ -39,7 +38,7 @@ def report(
     `measured` are the measurements it was made from, for the view and the faces; `earlier` calibrations of the same
     robot, by the names of their files, show what has changed since.
     """
-    c = replace(c, promise=c.promise or promised(c))
+    c = with_promise(c)
     zone = zone_map(c)
     faces = {name: face for t in tables if isinstance(t, Touches) for name, face in zip(t.ids, t.face, strict=True)}
     view_data = _scene(c, tables)

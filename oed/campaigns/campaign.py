@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from identify.estimation.calibrate import CalibrationFailed, calibrate
 from identify.estimation.face_association import Belief, believe, believed, provisional
-from identify.estimation.verdict import promised, refusals
+from identify.estimation.verdict import refusals, with_promise
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.identifiability import structure
@@ -218,10 +218,9 @@ class _Loop:
         """What `identify` says of all touches that met something, else of the good ones; None where it refuses both."""
         for touches in (self.met, good):
             try:
-                calibration = calibrate(self.cell, touches)
+                calibration = with_promise(calibrate(self.cell, touches))
             except (InputError, CalibrationFailed):
                 continue
-            calibration = replace(calibration, promise=promised(calibration))
             if not refusals(calibration):
                 return calibration
         return None

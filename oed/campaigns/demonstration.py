@@ -1,7 +1,7 @@
 """The whole loop on the embedded virtual robot, whose truth is compared with the result at the end."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from json import dumps
 from pathlib import Path
@@ -13,7 +13,7 @@ from jaxtyping import Float
 from identify.compensation.compensate import compensate
 from identify.estimation.calibrate import calibrate
 from identify.estimation.face_association import as_identified
-from identify.estimation.verdict import promised
+from identify.estimation.verdict import with_promise
 from identify.estimation.verification import Verification, verify
 from identify.model.cell import Cell
 from identify.model.files import InputError, digest, read_text, sheet_text, write_text
@@ -107,8 +107,7 @@ def _calibrated(
     every = reduce(joined, (stage.touches for stage in result.stages))
     write_text(folder / "touches.csv", touches_text(every, cell.robot))
     inputs = _hashes(folder, "cell.yaml", "touches.csv")
-    calibration = calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs)
-    calibration = replace(calibration, promise=promised(calibration))
+    calibration = with_promise(calibrate(cell, read_touches(folder / "touches.csv", cell), inputs=inputs))
     write_calibration(folder / "calibration.json", calibration)
     return calibration, _effort(result)
 

@@ -1,6 +1,5 @@
 """`touchcal campaign`."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +44,7 @@ def campaign(
     """
     import numpy as np
 
-    from identify.estimation.verdict import promised
+    from identify.estimation.verdict import with_promise
     from identify.model.io.calibration_file import read_calibration, write_calibration
     from oed.campaigns.campaign import campaign, check_limits
     from oed.campaigns.connection import SIM
@@ -69,7 +68,7 @@ def campaign(
             progress=on_progress,
         )
     last = read_calibration(output / f"calibration-{len(result.stages)}.json")
-    write_calibration(output / "calibration.json", replace(last, promise=promised(last)))
+    write_calibration(output / "calibration.json", with_promise(last))
     print_json(summary(result)) if json else print(story(result, output))
     return 0 if result.reached else 1
 

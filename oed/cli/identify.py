@@ -92,7 +92,7 @@ def identify(
         Write the calibration even if it must not be used.
     """
     from identify.estimation.selection import cell_with_errors
-    from identify.estimation.verdict import hypotheses, promised, refusals
+    from identify.estimation.verdict import hypotheses, refusals, with_promise
     from identify.model.files import InputError
     from identify.model.io.calibration_file import write_calibration
 
@@ -101,8 +101,7 @@ def identify(
     described = cell_with_errors(load_cell(cell), fit.errors)
     tables, inputs = read_tables(files, described, trust_units)
     with progress(not json, "identifying"):
-        calibration = _calibrated(described, tables, fit, seed, inputs)
-    calibration = replace(calibration, promise=promised(calibration))
+        calibration = with_promise(_calibrated(described, tables, fit, seed, inputs))
     reasons = refusals(calibration)
     if reasons:
         calibration = replace(calibration, findings=(*hypotheses(described, tables), *calibration.findings))

@@ -7,7 +7,7 @@ import pytest
 from measured import poses_over_jig, positions_at
 
 from identify.estimation.calibrate import CalibrationFailed, calibrate
-from identify.estimation.verdict import hypotheses, promised, refusals
+from identify.estimation.verdict import hypotheses, refusals, with_promise
 from identify.uncertainty.posterior import posterior
 
 
@@ -87,4 +87,4 @@ def test_the_promise_is_that_of_draws_from_what_the_calibration_says(arc_welder,
     at = arc_welder.kinematics.tip(q, found.theta)[0]
     off = np.stack([arc_welder.kinematics.tip(q, theta)[0] - at for theta in known.robots(200, rng)])
 
-    assert promised(found)["rms_mm"] == pytest.approx(np.sqrt((off**2).sum(axis=2).mean()), rel=0.5)
+    assert with_promise(found).promise["rms_mm"] == pytest.approx(np.sqrt((off**2).sum(axis=2).mean()), rel=0.5)
