@@ -60,7 +60,7 @@ def geometric(calibration: Calibration) -> Calibration:
     theta = fitted(calibration, [name for name in robot.parameters if name not in beyond], start)
     geometric = np.array([name not in beyond for name in robot.parameters])
     free = np.array([name not in beyond for name in calibration.estimated])
-    bare = replace(robot, errors=(), error_values=())
+    bare = robot.with_errors(())
     return replace(
         calibration,
         cell=replace(

@@ -270,7 +270,7 @@ def as_identified(cell: Cell, calibration: Calibration) -> Cell:
     """The cell with the robot that a calibration has found, its joint errors as well; another base than its stays."""
     base = calibration.cell.base
     same = cell.base is None or (base is not None and np.array_equal(cell.base, base))
-    cell = replace(cell, robot=replace(cell.robot, errors=calibration.cell.robot.errors, error_values=()))
+    cell = replace(cell, robot=cell.robot.with_errors(calibration.cell.robot.errors))
     found = believed(cell, calibration.theta)
     return found if same else replace(found, base=cell.base)
 

@@ -269,7 +269,7 @@ def with_errors(cell: Cell, errors: Sequence[str]) -> Cell:
 @lru_cache(maxsize=64)
 def _robot(robot: Robot, errors: tuple[str, ...]) -> Robot:
     """One object for all who ask, so that its functions are compiled once."""
-    return replace(robot, errors=errors, error_values=())
+    return robot.with_errors(errors)
 
 
 def _unit(

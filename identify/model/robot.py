@@ -153,6 +153,10 @@ class Robot:
         drawing, errors = self.drawn if self.errors else (), tuple(self.error_amounts(theta).tolist())
         return replace(self, joints=joints, drawing=drawing, error_values=errors)
 
+    def with_errors(self, names: tuple[str, ...]) -> "Robot":
+        """The robot with these models of joint errors, all zero, in place of its own."""
+        return replace(self, errors=names, error_values=())
+
     def theta(self, base: Float[np.ndarray, " 6"], tool: Float[np.ndarray, " 6"]) -> Float[np.ndarray, " parameters"]:
         """The parameter vector of this robot standing at `base` and carrying `tool` [mm, rad]."""
         errors = np.array(self.error_values) if self.error_values else np.zeros(len(self.error_parameters))

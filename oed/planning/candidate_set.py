@@ -229,7 +229,7 @@ def _placed(cell: Cell, after: Calibration) -> Cell:
     tool = after.theta[-6:] if cell.tool is None else cell.tool
     robot = cell.robot
     if robot.errors != after.cell.robot.errors:
-        robot = replace(robot, errors=after.cell.robot.errors, error_values=())
+        robot = robot.with_errors(after.cell.robot.errors)
     return replace(cell, robot=robot, base=base, tool=tool)
 
 

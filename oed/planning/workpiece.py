@@ -86,7 +86,7 @@ def with_workpiece(
     """The cell with a workpiece in the place of the jig; there is no weld zone in its frame."""
     base = cell.base if after is None else after.theta[:6]
     base = base if at is None else pose(inverse(transform(at)))
-    robot = cell.robot if after is None else replace(cell.robot, errors=after.cell.robot.errors, error_values=())
+    robot = cell.robot if after is None else cell.robot.with_errors(after.cell.robot.errors)
     return replace(cell, robot=robot, jig=workpiece, base=base, zone=None)
 
 

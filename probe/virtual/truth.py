@@ -168,7 +168,7 @@ def read_truth(path: Path, cell: Cell) -> Truth:
     if wrong := error_mistakes(document):
         raise InputError(wrong)
     if file.errors is not None:
-        cell = replace(cell, robot=replace(cell.robot, errors=tuple(file.errors), error_values=()))
+        cell = replace(cell, robot=cell.robot.with_errors(tuple(file.errors)))
     if wrong := _unknown(file, document, cell):
         raise InputError(wrong)
     names, unit = cell.robot.parameters, cell.robot.parameter_unit()
