@@ -11,8 +11,11 @@ INTERRUPT ON (the initialisation that KUKA's own editor writes, style programs o
 and RESUME in the routine of a search with the motion in a subprogram of its own (a search motion in notes on interrupt
 numbers, notes on BRAKE with RESUME, notes on LIN_Suchen, a probing template), LIN_REL with a frame, PTP with axes,
 `$VEL.CP`, `$TIMER` with `$TIMER_STOP`, `$AXIS_ACT`, WAIT SEC, BAS(#INITMOV,0), HALT. `INTERRUPT DECL` on
-`$MEAS_PULSE[1]` stands in one public note, which says, too, that the controller stops there while the input is TRUE.
-No public program was found for `$AXIS_INT`, in a third search neither (`$POS_INT`, its twin, in two): manual alone.
+`$MEAS_PULSE[1]` stands in one public note (industrialmonitordirect.com, "kuka-meas-pulse-negative-edge"), which says,
+too, that the controller stops there while the input is TRUE, and in two public lists of system variables. No public
+program was found for `$AXIS_INT`, in four searches (`$POS_INT`, its twin, in two: "kuka-interrupt-5-not-triggering",
+"kuka-kr-120-interrupt-based"): manual alone. `$POS_INT` would need the controller's own model to become joints, and
+`$AXIS_ACT` comes a cycle late, so neither replaces it; every file says so.
 
 Motions of a few mm/s need CP speed, so the search is LIN_REL with constant orientation; joint speeds begin at one
 percent.
@@ -56,6 +59,7 @@ INSTRUCTIONS = Instructions(
         "touchcal import TC1.dat ... --plan plan.csv --maker kuka -o touches.csv",
     ),
     overwrites="timer 1 and interrupt 10 while it runs",
+    unproven="$AXIS_INT and $MEAS_PULSE follow the manual: no two public programs with them were found.",
 )
 
 
@@ -137,6 +141,8 @@ def _main(part: Part) -> Iterator[str]:
     yield from ("&ACCESS RVP", "&REL 1", f"&COMMENT touchcal {part.number}/{part.parts}", f"DEF {part.name} ( )")
     yield " INT I"
     yield from (f" ; {remark}" for remark in part.remarks)
+    if not options.rehearsal:
+        yield f" ; {INSTRUCTIONS.unproven}"
     yield from (";FOLD INI", " BAS (#INITMOV,0)", ";ENDFOLD (INI)", " $ADVANCE=0")
     yield from (f" $TOOL=TOOL_DATA[{options.tool or 1}]", f" $BASE={frame}", " $IPO_MODE=#BASE", " $ORI_TYPE=#CONSTANT")
     if not options.rehearsal:

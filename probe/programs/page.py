@@ -16,6 +16,7 @@ class Instructions:
     load: tuple[str, ...]  # how the files get into the controller
     save: tuple[str, ...]  # what comes back, and what it is called
     overwrites: str  # what the program writes over
+    unproven: str = ""  # what stands in the manual, and not in two public programs
 
 
 def page(
@@ -41,6 +42,8 @@ def _page(
     yield from (f"# {maker.title}: {touches} {kind} in {len(parts)} file{'s' if len(parts) > 1 else ''}", "")
     yield f"**{UNTRIED}** Its statements follow the maker's manuals and public programs; an interpreter of them, not a"
     yield from ("controller, has run it. Read it before you run it, and keep a hand on the stop.", "")
+    if maker.unproven and not options.rehearsal:
+        yield from (f"**{maker.unproven}** Check the first touches: the joints that it logs against the pendant.", "")
     yield from ("## Before", "")
     yield from (f"* **{note}**" for note in notes)
     yield from (f"* {text.format(**words)}" for text in maker.prepare)

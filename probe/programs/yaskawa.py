@@ -4,10 +4,13 @@ Sources: INFORM language manual, SRCH: a motion with `SRCH RIN#(n)=ON` watches a
 on; the pulses of that moment are kept in `$PX002`, and `$B002` says whether anything was found; `GETS` reads system
 variables, `$PX000` are the pulses now. Job data format (easymanua.ls, DX100 and NX100, "Job Data Format"): `///PULSE`,
 `C00000=` positions of the job, `P00000=` position variables. Texts read for the form of the statements: `touchsense` of
-the DX200 client of rpiRobotics (`MOVL C00000 V=.. SRCH RIN#(3)=ON DIS=..`, the only public program with RIN that was
-found), two public sets of notes on INFORM for the YRC1000 (`GETS PX000 $PX002` after a search, `$B002`, `JUMP *label IF
-IN#(1)=OFF`, `WAIT IN#(12)=ON T=..`, `TIMER T=..`). No public program was found that reads `$PX002` or `$B002`: these
-two follow manual and notes. SRCH belongs to MOVL: the tip goes straight. VAR.DAT holds position variables one a line:
+the DX200 client of rpiRobotics (`MOVL C00000 V=.. SRCH RIN#(3)=ON DIS=..`); a job that searches, quoted and mended on
+industrialmonitordirect.com, "yaskawa-robot-search-function-inconsistent-measurement-fix" (`MOVL LP004 V=20.0 SRCH
+RIN#(2)=ON T=0.50 DIS=0.05`, then `GETS PX090` of `$PX002`); a program that writes jobs (`GETS PX000 $PX000`); public
+notes on INFORM for the YRC1000 (`GETS PX002 $PX002` after a search, `GETS B000 $B002`, `JUMP *label IF IN#(1)=OFF`,
+`WAIT IN#(12)=ON T=..`, `TIMER T=..`). So `SRCH RIN` and `$PX002` stand in two places each; `$B002` in manual and notes
+alone: what the input reads after a search would do the same, were it not for a wire that bounces. SRCH belongs to
+MOVL: the tip goes straight. VAR.DAT holds position variables one a line:
 `"UNUSED"` or `"PULSE"`, six numbers (type, frame, configuration, tool) and the pulses (backups of a GP88 and an SDA20D,
 and a public reader of such files). What is not there is read from a job that was saved with them.
 """
@@ -54,6 +57,7 @@ INSTRUCTIONS = Instructions(
         "touchcal import VAR1.DAT ... --plan plan.csv --maker yaskawa -o touches.csv",
     ),
     overwrites="P, B and D variables from {first} on, counted from 1: P{zero:03d}, B{zero:03d} and D{zero:03d}",
+    unproven="$B002 follows the manual: no two public jobs with it were found.",
 )
 
 
@@ -237,5 +241,6 @@ def _job(part: Part, name: str, lines: Sequence[str], positions: Sequence[Joints
         head += [f"///TOOL {part.options.tool or 0}", "///POSTYPE PULSE", "///PULSE"]
         head += [f"C{k:05d}=" + joined(pulses, 0) for k, pulses in enumerate(positions)]
     head += ["//INST", "///DATE 2026/01/01 00:00", "///ATTR SC,RW", "///GROUP1 RB1", "NOP"]
-    remarks = [f"'{line}" for remark in part.remarks for line in folded(remark, COMMENT)]
+    unproven = [] if part.options.rehearsal else [INSTRUCTIONS.unproven]
+    remarks = [f"'{line}" for remark in (*part.remarks, *unproven) for line in folded(remark, COMMENT)]
     return "\r\n".join([*head, *remarks, *lines, "END", ""])

@@ -19,6 +19,8 @@ BASES = (
 )  # the frame that the controller counts from by ROS-Industrial's rule; else where it stands
 FLANGES = ("tool0", "flange", "ee_link")
 STRAIGHT = 0.999  # cosine of the angle by which the z axis of a flange may lean away from the last joint's axis
+HAND = re.compile(r"gripper|finger|thumb|jaw|knuckle|hand", re.IGNORECASE)  # joints that grip, by their name
+FITTED = re.compile(r"finger|thumb|jaw|knuckle|camera|sensor|range|accelerometer|imu|led_|motor", re.IGNORECASE)
 XACRO, COMMENT = re.compile(r"\$\{|\$\(|<xacro:"), re.compile(r"<!--.*?-->", re.DOTALL)
 
 
@@ -103,12 +105,14 @@ class _Tree:
 
     def flange(self) -> tuple[str, str]:
         """The flange link, and how it was chosen."""
-        named = [name for end in FLANGES for name in sorted(self.links) if name == end or name.endswith(f"_{end}")]
+        arm = sorted(name for name in self.links if not self._gripping(name)) or sorted(self.links)
+        named = [name for end in FLANGES for name in arm if name == end or name.endswith(f"_{end}")]
         named = [name for name in named if self.joints(name)]
-        last = named[0] if named else max(sorted(self.links), key=self._depth, default="")
+        last = named[0] if named else max(arm, key=self._depth, default="")
         if not last or not self.joints(last):
             raise InputError([Mistake(self.urdf.file, 0, "no joint moves; is this the URDF of an arm?")])
-        members = self.rigid(last)
+        members = [name for name in self.rigid(last) if name in arm]
+        members = [name for name in members if not FITTED.search(name)] or members
         straight = [name for name in members if self.outward(name)[2] > STRAIGHT]
         by_name = [name for name in named if name in straight]
         beyond = [
@@ -124,6 +128,12 @@ class _Tree:
         )
         flange = last if named or not behind else behind[0][1]
         return flange, "no frame behind the last joint has its z axis out of the wrist, this one is nearest behind it"
+
+    def _gripping(self, link: str) -> bool:
+        """Whether a finger carries a link: a joint that grips, or that follows another, stands above it."""
+        joints = [self.above[name][1] for name in self.climb(link)[:-1]]
+        moving = [joint for joint in joints if joint.get("type") != "fixed"]
+        return any(joint.find("mimic") is not None or HAND.search(joint.get("name", "")) for joint in moving)
 
     def _along(self, link: str) -> float:
         """How far a link lies beyond the wrist along the axis of the last joint [mm]."""

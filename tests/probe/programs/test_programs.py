@@ -105,6 +105,8 @@ def test_every_file_says_that_no_real_controller_has_run_it(maker, few):
         for name, text in program(few.plan, few.cell, maker, Options(rehearsal=rehearsal)).files.items():
             words = " ".join(text.translate(str.maketrans("!;:#'*0123456789", " " * 16)).split())
             assert UNTRIED in words or name.endswith(".dat"), name
+            manual = bool(MAKERS[maker].instructions.unproven) and not rehearsal and not name.endswith(".dat")
+            assert manual == ("the manual: no two public" in text.replace("\r\n'", " ")), name
             assert name == PAGE or text.isascii(), name
 
 

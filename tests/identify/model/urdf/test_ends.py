@@ -85,6 +85,19 @@ def test_fingers_are_no_arm(tmp_path):
     assert ends(written(tmp_path, ARM.format(axis="1 0 0", more=fingers))).flange in ("l3", "plate")
 
 
+@pytest.mark.parametrize("follows", ["", '<mimic joint="gripper"/>'])
+def test_a_hand_that_turns_is_no_part_of_the_arm(follows, tmp_path):
+    jaw = f"""<joint name="gripper" type="revolute"><parent link="plate"/><child link="jaw"/><origin xyz="0.05 0 0"/>
+      <axis xyz="0 1 0"/><limit lower="0" upper="1" velocity="1"/></joint>
+      <joint name="tip" type="revolute"><parent link="jaw"/><child link="end"/><origin xyz="0.05 0 0"/>
+      <axis xyz="0 1 0"/><limit lower="0" upper="1" velocity="1"/>{follows}</joint>"""
+
+    arm = ends(written(tmp_path, ARM.format(axis="1 0 0", more=jaw)))
+
+    assert arm.flange == "plate"
+    assert arm.outward == pytest.approx([1, 0, 0])
+
+
 @pytest.mark.parametrize("text", ['<robot name="a"/>', '<robot name="a"><link name="plate"/></robot>'])
 def test_a_file_without_joints_is_asked_about(text, tmp_path):
     with pytest.raises(InputError, match="no joint moves; is this the URDF of an arm"):
