@@ -7,7 +7,7 @@ With C = M^-1, rows x of the touch that goes and y of the one that comes, and B 
 
 so D and the traces need covariances of the set with the pool, which follow each swap by a low-rank update. Any other
 criterion is ranked to first order (`oed.criteria.first_order_swaps`). Tables are single precision: they rank. Where
-there are no more touches than parameters, 1 - x'Cx is next to nothing: they need double, and no updates.
+there are no more touches than parameters, 1 - x'Cx is next to nothing: they need double.
 """
 
 from abc import ABC, abstractmethod
@@ -26,6 +26,7 @@ NEVER = -np.inf  # table entry of a swap that a rule forbids
 TINY = 1e-12
 REFRESH = 50  # swaps between two recomputations of an updated table
 NEEDED = 1e-3  # where less of a direction is seen without a touch, its update is a difference of nearly equal numbers
+HARDLY_SEEN = 1e5  # variance of a direction, in units of the pool's, above which updates lose digits in double, too
 LOST = 10.0  # roundings: a swap that leaves less of the determinant cannot be told from a ruinous one
 AT_ONCE = 4  # a quarter of the touches in excess go at once
 
@@ -172,13 +173,10 @@ class DeterminantSwaps(Swaps):
         return a, j, float(max(table[a, j], 0)) ** (1 / self.rows.shape[1])
 
     def swap(self, a: int, j: int) -> None:
-        """Low-rank update of covariances and variances; recomputed now and then, and where an update would be lost.
-
-        In double precision it is recomputed always.
-        """
+        """Low-rank update of covariances and variances; recomputed now and then, and where an update would be lost."""
         self.age += 1
-        shaky = 1 - self.d[self.members[a]] < NEEDED
-        if self.age > REFRESH or shaky or self.precision is np.float64:
+        shaky = 1 - self.d[self.members[a]] < NEEDED or self.C.diagonal().max() > HARDLY_SEEN
+        if self.age > REFRESH or shaky:
             super().swap(a, j)
         else:
             self.update(a, j)

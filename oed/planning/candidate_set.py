@@ -25,6 +25,7 @@ from probe.motion.roadmap import Roadmap, home, lifts
 from probe.motion.room import SIGMAS
 from probe.motion.tour import Order
 
+REMEMBERED = 3  # sets of touches whose searches are kept: a plan, and those that its curve compares it with
 # what sets of other candidates share
 SHARED = (
     "zone",
@@ -167,12 +168,13 @@ class CandidateSet:
         return self.prior.root(self.tip)
 
     def searches(self, touches: Candidates) -> Searches:
-        """What robots drawn from what is known meet and learn with touches; the last ones are remembered."""
+        """What robots drawn from what is known meet and learn with touches; the last sets are remembered."""
         name = touches.q.tobytes()
-        if name not in self._searched:
-            self._searched.clear()
-            self._searched[name] = searches(self.prior, touches)
-        return self._searched[name]
+        found = self._searched.pop(name, None) or searches(self.prior, touches)
+        for oldest in list(self._searched)[: max(0, len(self._searched) + 1 - REMEMBERED)]:
+            del self._searched[oldest]
+        self._searched[name] = found
+        return found
 
     @cached_property
     def _searched(self) -> dict[bytes, Searches]:

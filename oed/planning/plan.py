@@ -175,7 +175,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         manifold=choice.manifold,
         manifold_covers=choice.certificate.covers if choice.manifold is not None and choice.certificate else None,
         promise=offered.promise(touches),
-        curve=curve(offered, touches, setting.quickly),
+        curve=curve(offered, touches, lambda m: setting.resized(touches, m)),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
         missing=tuple(offered.searches(touches).missing.tolist()),
         unseen=unseen(offered.identifiable, offered.rows_of(offered.candidates) @ basis, rows @ basis, offered.zone),

@@ -12,7 +12,7 @@ from oed.candidates.baselines import even
 from oed.candidates.candidates import Candidates
 from oed.criteria.criterion import Criterion
 from oed.planning.candidate_set import CandidateSet
-from oed.planning.visitable import Best, Pick, expected, joined, linked, measured, visited
+from oed.planning.visitable import Best, Pick, expected, joined, linked, measured, resized, visited
 from oed.refinement.certificate import Certificate, Manifold, generate_columns
 from oed.refinement.coordinate import Refinement, refine, replaced
 from probe.motion.tour import Order
@@ -66,6 +66,12 @@ class Setting:
         """Touches as the strategy has them, not refined and not ordered."""
         everything = np.ones(len(self.offered.candidates), dtype=bool)
         return self.offered.candidates.take(self._pick(n)(everything, None))
+
+    def resized(self, touches: Candidates, n: int) -> Candidates:
+        """About what the strategy would choose, from touches of another number."""
+        if self.strategy != "optimal":
+            return self.quickly(n)
+        return resized(Best(self.offered, n, self.criterion), touches)
 
     def choose(self, n: int, say: Say) -> Choice:
         """Touches in an order; ways that cannot be kept clear are part of it."""
@@ -150,8 +156,10 @@ class Setting:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
         moved = refine(refinement, touches, self.measure, sweeps=SWEEPS, progress=say)
         for around in range(1, RETURNS + 1):
-            order = self._ordered(moved, touches)  # so that the old ways back are still there
+            order = self._ordered(moved, touches, kicks=0)  # so that the old ways back are still there
             if not order.blocked:
+                shorter = self._ordered(moved, touches)
+                order = order if shorter.blocked else shorter
                 return moved.take(order.index), order
             ends = np.unique(
                 np.concatenate([order.index[max(0, i + 1 - around) : i + 1 + around] for i in order.blocked])
@@ -160,9 +168,9 @@ class Setting:
         order = self._ordered(touches)
         return touches.take(order.index), order
 
-    def _ordered(self, touches: Candidates, above: Candidates | None = None) -> Order:
+    def _ordered(self, touches: Candidates, above: Candidates | None = None, kicks: int | None = None) -> Order:
         """A short order of touches, which are in a good one already."""
-        return self.offered.visit(touches, self.rng, start=np.arange(len(touches)), above=above)[0]
+        return self.offered.visit(touches, self.rng, kicks, start=np.arange(len(touches)), above=above)[0]
 
     def _phi(self, touches: Candidates) -> float:
         """The criterion of touches and what is known before, of degree one in the information."""

@@ -14,6 +14,7 @@ from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
 from oed.design.constraints import Rules
 from oed.design.exact import exact_design, swaps_of
+from oed.design.matrix import sensitivities
 from oed.design.memetic import Pool
 from oed.design.relaxation import ApproximateDesign, approximate_design
 from oed.design.robust import RobustSwaps
@@ -167,7 +168,7 @@ class Best:
             iterations=searches,
             seconds=seconds,
             prior=self.coordinates.precision,
-            positions=_places(self.offered)[some],
+            positions=_places(self.offered.candidates)[some],
             min_distance=1.0,
         )
         return some[found.indices]
@@ -225,28 +226,52 @@ def expected(best: Best) -> Pick:
     tells a robot that misses it nothing. The average robot counts with them, so that touches are not chosen for the
     luck of a draw.
     """
-    offered, n, coordinates = best.offered, best.n, best.coordinates
-    touches, rules = offered.candidates, Rules(len(offered.candidates), position=_places(offered), distance=1.0)
+    offered, coordinates = best.offered, best.coordinates
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
         start = best(allowed, None) if before is None else before[allowed[before]]
         gains = swaps_of(best.measure, best.rows, coordinates.precision).gains(start)
         some = np.argsort(-np.where(allowed, gains, -np.inf), kind="stable")[: min(POOL, int(allowed.sum()))]
         pool = np.union1d(start, some)
-        met = touches.hits.outcomes(touches.face[pool], touches.q[pool], touches.hits.robots(ROBOTS)) == Outcome.MEETS
-        rows = coordinates.rows(touches.take(pool).expected_rows(offered.cell, SURELY - 1))
         members = np.searchsorted(pool, start)
-        few = met[:, members].sum(axis=1).min() <= len(coordinates)  # single precision would lose what they tell
-        precision = np.float64 if few else np.float32
-        swaps = [swaps_of(best.measure, rows * hit[:, None], coordinates.precision, None, precision) for hit in met]
-        average = swaps_of(best.measure, best.rows[pool], coordinates.precision, None, precision)
-        search = Pool(RobustSwaps([*swaps, average], [*np.ones(ROBOTS), AVERAGE * ROBOTS]), rules.take(pool), n)
+        search = _over_robots(best, offered.candidates.take(pool), members)
         whole = search.completed(members)
         return best(allowed, before) if whole is None else pool[search.descend(whole).members]
 
     return pick
 
 
-def _places(offered: CandidateSet) -> Float[np.ndarray, "touches axes"]:
+def resized(best: Best, touches: Candidates) -> Candidates:
+    """Touches of which those go that robots drawn from what is known miss least, or which others join that tell most.
+
+    One after the other, and none is exchanged: about what `expected` would choose.
+    """
+    offered, n, members = best.offered, best.n, np.arange(len(touches))
+    if n > len(touches):
+        rows = best.coordinates.rows(touches.expected_rows(offered.cell))
+        S = best.measure.slope(best.coordinates.information(rows))
+        gains = sensitivities(best.rows, S)
+        touches = touches.followed_by(offered.candidates.take(np.argsort(-gains, kind="stable")[:POOL]))
+    search = _over_robots(best, touches, members)
+    while len(members) > n:
+        members = np.delete(members, np.argmin(search.swaps.losses(members)))
+    whole = search.completed(members)
+    return touches.take(members if whole is None else whole)
+
+
+def _over_robots(best: Best, touches: Candidates, start: Int[np.ndarray, " some"]) -> Pool:
+    """Sets of some touches, judged by robots drawn from what is known, and by the average robot beside them."""
+    coordinates, rules = best.coordinates, Rules(len(touches), position=_places(touches), distance=1.0)
+    met = touches.hits.outcomes(touches.face, touches.q, touches.hits.robots(ROBOTS)) == Outcome.MEETS
+    rows = coordinates.rows(touches.expected_rows(best.offered.cell, SURELY - 1))
+    few = met[:, start].sum(axis=1).min() <= len(coordinates)  # single precision would lose what they tell
+    precision = np.float64 if few else np.float32
+    swaps = [swaps_of(best.measure, rows * hit[:, None], coordinates.precision, None, precision) for hit in met]
+    mean = coordinates.rows(touches.expected_rows(best.offered.cell))
+    average = swaps_of(best.measure, mean, coordinates.precision, None, precision)
+    return Pool(RobustSwaps([*swaps, average], [*np.ones(ROBOTS), AVERAGE * ROBOTS]), rules, best.n)
+
+
+def _places(touches: Candidates) -> Float[np.ndarray, "touches axes"]:
     """Places of touches in units in which replicates are closer than 1."""
-    return np.hstack([offered.candidates.point / APART[0], offered.candidates.q / APART[1]])
+    return np.hstack([touches.point / APART[0], touches.q / APART[1]])
