@@ -68,6 +68,7 @@ class PlanResult:
 
     def __repr__(self) -> str:
         near = "no bound" if self.efficiency is None else f"at least {100 * self.efficiency:.1f} % of the best on offer"
+        near = "better than any choice on offer" if (self.efficiency or 0) > 1 else near
         if self.manifold is not None:
             near += f", {100 * self.manifold:.1f} % of the best of all as far as they were priced"
         return (

@@ -153,6 +153,13 @@ def test_a_result_shows_itself_in_a_few_lines(optimal):
     assert len(shown) < 4 * 80
 
 
+def test_a_plan_that_tells_more_than_any_touches_on_offer_is_not_a_share_of_them(optimal):
+    shown = repr(replace(optimal, efficiency=1.004))
+
+    assert "better than any choice on offer" in shown
+    assert "100.4" not in shown
+
+
 def test_the_summary_has_what_the_command_promises(optimal):
     told = summary(optimal)
 
