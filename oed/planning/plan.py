@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,8 +53,6 @@ class PlanResult:
     """The touches that were looked at, in words; None where there is no such bound."""
     promise: Promise
     """Tip error to expect in the zone [mm]."""
-    curve: tuple[tuple[int, float], ...]
-    """Numbers of touches, and the 95 % tip error in the zone to expect [mm]."""
     minutes: float
     """That the run takes."""
     missing: tuple[float, ...]
@@ -62,6 +61,17 @@ class PlanResult:
     """Sentences: what these touches cannot see, and what to add."""
     notes: tuple[str, ...]
     """Sentences: faces not reached, ways not clear, what limits the accuracy."""
+    choice: Choice
+    """The touches among the candidates of `setting`."""
+    setting: Setting
+    """How they were chosen."""
+
+    @cached_property
+    def curve(self) -> tuple[tuple[int, float], ...]:
+        """Numbers of touches, and the 95 % tip error in the zone to expect [mm]; computed when it is asked for."""
+        setting, touches = self.setting, self.choice.touches
+        with threadpool_limits(1):
+            return curve(setting.offered, touches, lambda n: setting.resized(touches, n))
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -176,7 +186,6 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         manifold=choice.manifold,
         manifold_covers=choice.certificate.covers if choice.manifold is not None and choice.certificate else None,
         promise=offered.promise(touches),
-        curve=curve(offered, touches, lambda m: setting.resized(touches, m)),
         minutes=minutes(offered.cell, plan, offered.deviations(touches)),
         missing=tuple(offered.searches(touches).missing.tolist()),
         unseen=unseen(offered.identifiable, offered.rows_of(offered.candidates) @ basis, rows @ basis, offered.zone),
@@ -186,6 +195,8 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
             *blocked_ways(plan, choice.order),
             limiting(offered.prior.updated(rows), offered.zone),
         ),
+        choice=choice,
+        setting=setting,
     )
 
 
