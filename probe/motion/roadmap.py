@@ -21,7 +21,8 @@ from probe.motion.obstacles import obstacles
 from probe.motion.tour import RAMP, Order, minutes, order, travel
 
 LIFT = 40.0, 80.0  # [mm] that a lifted tip stands above its approach, or above all of the jig: at least and at most
-SEARCHES = 40  # shortest ways that are looked at finely before a way is given up
+SEARCHES = 8  # rounds of looks before a way is given up
+AHEAD = 6  # shortest ways that are looked at finely in one round
 UNSEEN = 1.5  # times what a way takes, while nobody has looked whether it is clear
 TURN = 2.0  # [rad], most that a joint turns on the way up: else the arm goes over into another branch
 
@@ -61,8 +62,6 @@ class Roadmap:
         self, start: Float[np.ndarray, " joints"], goal: Float[np.ndarray, " joints"]
     ) -> list[Float[np.ndarray, " joints"]]:
         """The shortest way over lifted postures and stops of which every leg is clear, those looked at preferred."""
-        from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
-
         ends = np.stack([start, goal])
         up = lifts(self.edges, ends)
         q = np.concatenate([ends, up[~np.isnan(up).any(axis=1)], self.stops])
@@ -74,16 +73,13 @@ class Roadmap:
         D[a, b] = D[b, a] = np.where(self.edges.clear(q[a], q[b], COARSE), D[a, b] / UNSEEN, np.inf)
         sure = np.zeros(D.shape, dtype=bool)
         for _ in range(SEARCHES):
-            graph = csgraph_from_dense(D, null_value=np.inf)
-            distance, before = dijkstra(graph, directed=False, indices=np.array([0]), return_predecessors=True)
-            if not np.isfinite(distance[0, 1]):
+            ways = _next_ways(D, sure)
+            if not ways:
                 return []
-            way = [1]
-            while way[0] != 0:
-                way.insert(0, int(before[0, way[0]]))
-            a, b = np.array([leg for leg in pairwise(way) if not sure[leg]], dtype=int).reshape(-1, 2).T
-            if not len(a):
-                return [q[i] for i in way[1:]]
+            legs = np.array([leg for way in ways for leg in pairwise(way) if not sure[leg]], dtype=int)
+            if not len(legs):
+                return [q[i] for i in ways[0][1:]]
+            a, b = legs.T
             fine = self.edges.clear(q[a], q[b])
             sure[a, b] = sure[b, a] = fine
             D[a, b] = D[b, a] = np.where(fine, D[a, b], np.inf)
@@ -140,6 +136,32 @@ def home(clearance: Clearance) -> Float[np.ndarray, "homes joints"]:
 def with_via(plan: Plan, via: Float[np.ndarray, "touches vias joints"]) -> Plan:
     """A plan with other postures on its ways."""
     return Plan(plan.ids, plan.face, plan.point, plan.normal, plan.q, plan.approach, via)
+
+
+def _next_ways(
+    D: Float[np.ndarray, "postures postures"], sure: Bool[np.ndarray, "postures postures"]
+) -> list[list[int]]:
+    """The shortest way from posture 0 to posture 1, and those that would follow if its legs that are not sure fail.
+
+    As many as are looked at together; only the first where all its legs are sure.
+    """
+    from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
+
+    ways, rest = list[list[int]](), D.copy()
+    while len(ways) < AHEAD:
+        graph = csgraph_from_dense(rest, null_value=np.inf)
+        distance, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
+        if not np.isfinite(distance[1]):
+            break
+        way = [1]
+        while way[0] != 0:
+            way.insert(0, int(before[way[0]]))
+        ways.append(way)
+        a, b = np.array([leg for leg in pairwise(way) if not sure[leg]], dtype=int).reshape(-1, 2).T
+        if not len(a):
+            break
+        rest[a, b] = rest[b, a] = np.inf
+    return ways
 
 
 def shortest_ways(
