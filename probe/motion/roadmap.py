@@ -150,12 +150,12 @@ def _next_ways(
     ways, rest = list[list[int]](), D.copy()
     while len(ways) < AHEAD:
         graph = csgraph_from_dense(rest, null_value=np.inf)
-        distance, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
-        if not np.isfinite(distance[1]):
+        distance, before = dijkstra(graph, directed=False, indices=np.array([0]), return_predecessors=True)
+        if not np.isfinite(distance[0, 1]):
             break
         way = [1]
         while way[0] != 0:
-            way.insert(0, int(before[way[0]]))
+            way.insert(0, int(before[0, way[0]]))
         ways.append(way)
         a, b = np.array([leg for leg in pairwise(way) if not sure[leg]], dtype=int).reshape(-1, 2).T
         if not len(a):

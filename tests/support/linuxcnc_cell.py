@@ -9,7 +9,7 @@ from identify.model.cell import Cell
 from identify.model.io.description import library, read_cell
 from identify.model.touch import Plan
 
-COUNT = 20
+COUNT = 12
 SPEED = 20.0  # [mm/s] of the search
 HOME = np.zeros(6)  # [rad]
 
