@@ -50,8 +50,8 @@ def linear() -> Linear:
     conditions = touch_conditions(q, q - rng.choice([-1.0, 1.0], q.shape), rng.uniform(-10, 10, TOUCHES))
     rows = Rows(q, np.eye(3)[np.arange(TOUCHES) % 3], zeros, zeros, zeros + SIGMA, (), np.arange(TOUCHES), conditions)
     J = measurement_model(robot).linearize(cell.theta, rows)[1]
-    kept = structure(bare).kept
-    geometric = tuple(names.index(bare.robot.parameters[i]) for i in kept)
+    free = structure(bare).kept
+    geometric = tuple(names.index(bare.robot.parameters[i]) for i in free)
     models = {m: tuple(names.index(p) for p, _, of in robot.error_parameters if of == m) for m in ERROR_MODELS}
     fold = regions(cell.kinematics.tip(q, cell.theta)[0], 5, rng)
     return Linear(J * cell.scale / SIGMA, zeros, np.ones(len(names)), geometric, models, fold)

@@ -14,7 +14,7 @@ from identify.model.zone import zone_poses
 from identify.report.svg import AFTER, OUT, Chart, logarithmic, picture
 from identify.uncertainty.posterior import zone_promise
 from identify.uncertainty.promise import INTERVAL
-from oed.planning.candidate_set import CandidateSet, candidate_set
+from oed.planning.candidate_set import CandidateSet, make_candidate_set
 from oed.planning.plan import plan
 from studies.engine import Table, column
 
@@ -32,7 +32,7 @@ def arc_welder() -> Cell:
 @lru_cache(maxsize=2)
 def offered(structured: bool) -> CandidateSet:
     """Touches that the paper's robot can make: structured ones, or only those spread evenly."""
-    return candidate_set(arc_welder(), np.random.default_rng(7), structured=structured)
+    return make_candidate_set(arc_welder(), np.random.default_rng(7), structured=structured)
 
 
 @lru_cache(maxsize=1)

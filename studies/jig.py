@@ -31,7 +31,7 @@ from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from oed.design.exact import exact_design
 from oed.design.relaxation import approximate_design
-from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
+from oed.planning.candidate_set import CandidateSet, make_candidate_set, plan_of
 from studies.common import FEW, arc_welder, zone
 from studies.jigs.jig_shown import ROBOTS, TOUCHES, answer, pictures
 from studies.jigs.two_places import SECOND, second_places
@@ -74,7 +74,7 @@ _EMPTY: dict[str, Any] = {
 
 def _faces(rng: np.random.Generator, name: str, count: int, robots: int, steps: int) -> list[dict[str, Any]]:
     cell = arc_welder()
-    offer = candidate_set(cell, rng, count=count)
+    offer = make_candidate_set(cell, rng, count=count)
     names, of = list(cell.the_jig.by_name), np.array(offer.candidates.names())
     sets = {"all faces": names} | {f"without {face}": [n for n in names if n != face] for face in names}
     sets |= {"three faces": list(THREE)}
@@ -105,9 +105,9 @@ def _judged(
         iterations=SEARCHES if robots == ROBOTS else 6,
         rng=rng,
     ).indices
-    cell, planned = offer.cell, plan_of(offer.candidates.take(some[members]))
+    cell, plan = offer.cell, plan_of(offer.candidates.take(some[members]))
     theta = draw_many(cell, robots, rng)
-    touched = touch_every(cell, theta, planned, rng, proud=draw_faces(cell, planned, robots, rng))
+    touched = touch_every(cell, theta, plan, rng, proud=draw_faces(cell, plan, robots, rng))
     error = errors_in_zone(cell, theta, calibrate_many(cell, touched, eliminate=False).theta, zone(POSES))
     place = {} if at is None else _said(at)
     return {"name": name, **place, "promised_mm": float(np.sqrt(relaxation.value)), "simulated_mm": _rms(error)}
@@ -146,7 +146,7 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
     minimize(error, best, method="Nelder-Mead", options={"maxfev": steps, "initial_simplex": corners})
     rows = [{"name": name, **_said(at), "promised_mm": value} for value, at in visits]
     at = min((pair for pair in visits if np.isfinite(pair[0])), key=lambda pair: pair[0])[1]
-    final = candidate_set(moved(arc_welder(), at), np.random.default_rng(1), count=2 * count)
+    final = make_candidate_set(moved(arc_welder(), at), np.random.default_rng(1), count=2 * count)
     confirmed = _judged(final, np.arange(len(final.candidates)), "best", robots, rng, at)
     assert np.isfinite(present)
     return [*rows, confirmed]
@@ -155,7 +155,7 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
 def _promise(at: np.ndarray, count: int) -> float:
     """The RMS tip error that the jig promises from a place; NaN where the robot cannot touch it, or cannot learn."""
     try:
-        offer = candidate_set(moved(arc_welder(), at), np.random.default_rng(0), count=count)
+        offer = make_candidate_set(moved(arc_welder(), at), np.random.default_rng(0), count=count)
         coordinates = offer.all_unknowns
         tip, rows = coordinates.tip_rows(zone(POSES)), offer.rows_of(offer.candidates) @ coordinates.basis
         relaxation = approximate_design(rows, "V", 1e-3, touches=TOUCHES, prior=coordinates.precision, zone=tip)

@@ -212,11 +212,11 @@ class Problem:
     def solve(
         self,
         theta: Float[np.ndarray, "robots parameters"],
-        used: Bool[np.ndarray, "robots touches"],
+        inliers: Bool[np.ndarray, "robots touches"],
         scale: Float[np.ndarray, " robots"],
     ) -> tuple[Float[np.ndarray, "robots parameters"], Bool[np.ndarray, " robots"]]:
         """Gauss-Newton; robots that have arrived stand still while the others go on."""
-        theta, weight = theta.copy(), used / scale[:, None] ** 2
+        theta, weight = theta.copy(), inliers / scale[:, None] ** 2
         going = np.arange(len(theta))
         for _ in range(ITERATIONS):
             r, J = self.linearize(theta[going], going)
@@ -240,30 +240,30 @@ class Problem:
         tiny = 1e-12 * np.trace(H, axis1=1, axis2=2) / len(self.kept)  # too few touches, no priors: singular otherwise
         return H + np.maximum(tiny, 1e-12)[:, None, None] * np.eye(len(self.kept)), weighted
 
-    def freedom(self, J: np.ndarray, used: np.ndarray) -> Float[np.ndarray, " robots"]:
+    def freedom(self, J: np.ndarray, inliers: np.ndarray) -> Float[np.ndarray, " robots"]:
         """Touches less the degrees of freedom that parameters take: their number, less what the priors hold."""
-        freedom_of_priors = (np.linalg.inv(self.normal(J, used * 1.0)[0]) * self.precision).sum(axis=(1, 2))
-        return np.maximum(used.sum(axis=1) - len(self.kept) + freedom_of_priors, 1.0)
+        freedom_of_priors = (np.linalg.inv(self.normal(J, inliers * 1.0)[0]) * self.precision).sum(axis=(1, 2))
+        return np.maximum(inliers.sum(axis=1) - len(self.kept) + freedom_of_priors, 1.0)
 
     def scatter(
-        self, theta: Float[np.ndarray, "robots parameters"], used: Bool[np.ndarray, "robots touches"]
+        self, theta: Float[np.ndarray, "robots parameters"], inliers: Bool[np.ndarray, "robots touches"]
     ) -> Float[np.ndarray, " robots"]:
         """Root of chi-square a degree of freedom."""
         r, J = self.linearize(theta)
-        return np.asarray(np.sqrt((np.where(used, r, 0.0) ** 2).sum(axis=1) / self.freedom(J, used)))
+        return np.asarray(np.sqrt((np.where(inliers, r, 0.0) ** 2).sum(axis=1) / self.freedom(J, inliers)))
 
     def agreeing(
         self,
         theta: Float[np.ndarray, "robots parameters"],
         hit: Bool[np.ndarray, "robots touches"],
-        used: Bool[np.ndarray, "robots touches"],
+        inliers: Bool[np.ndarray, "robots touches"],
     ) -> Bool[np.ndarray, "robots touches"]:
         """Touches whose residual is within REJECT robust scatters; none of a robot without an estimate or a touch."""
         r, J = self.linearize(theta)
         size, middle = np.abs(r), np.full(len(r), np.nan)
-        some = (used & np.isfinite(size)).any(axis=1)
-        middle[some] = np.nanmedian(np.where(used, size, np.nan)[some], axis=1)
-        limit = REJECT * np.maximum(1.4826 * middle * np.sqrt(used.sum(axis=1) / self.freedom(J, used)), 1.0)
+        some = (inliers & np.isfinite(size)).any(axis=1)
+        middle[some] = np.nanmedian(np.where(inliers, size, np.nan)[some], axis=1)
+        limit = REJECT * np.maximum(1.4826 * middle * np.sqrt(inliers.sum(axis=1) / self.freedom(J, inliers)), 1.0)
         return np.asarray(hit & (size <= limit[:, None]))
 
 

@@ -44,8 +44,8 @@ def run(rng: np.random.Generator, part: int, sets: int, robots: int) -> list[dic
         touches = offer.candidates.take(members)
         plan = plan_of(touches)
         theta = draw_many(cell, robots, rng)
-        made = touch_every(cell, theta, plan, rng, proud=draw_faces(cell, plan, robots, rng))
-        error = errors_in_zone(cell, theta, calibrate_many(cell, made).theta, poses)
+        touches_of_robots = touch_every(cell, theta, plan, rng, proud=draw_faces(cell, plan, robots, rng))
+        error = errors_in_zone(cell, theta, calibrate_many(cell, touches_of_robots).theta, poses)
         rms = float(np.sqrt((error**2).mean()))
         rows.append(
             {

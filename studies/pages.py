@@ -23,7 +23,7 @@ def main() -> None:
 def load(name: str) -> None:
     """Load what the front of a package shows: pdoc sees only what is there, and what `__all__` names."""
     package = import_module(name)
-    front = {shown: getattr(package, shown) for part in package._FRONT.values() for shown in part.split()}
+    front = {entry: getattr(package, entry) for part in package._FRONT.values() for entry in part.split()}
     rooms = [module.name for module in iter_modules(package.__path__)]
     vars(package).update(front | {"__all__": [*front, *rooms]})
 

@@ -108,16 +108,16 @@ def _residuals(q: np.ndarray, touch_plan: Plan, theta: np.ndarray) -> np.ndarray
 
 
 def _rows(q: np.ndarray, touch_plan: Plan, radius: float | None = None) -> Rows:
-    cell, made = arc_welder(), touch_plan
-    offset = np.array([cell.the_jig.by_name[name].offset for name in made.face])
-    m = len(made)
+    cell, planned_touches = arc_welder(), touch_plan
+    offset = np.array([cell.the_jig.by_name[name].offset for name in planned_touches.face])
+    m = len(planned_touches)
     return Rows(
         q,
-        made.normal,
+        planned_touches.normal,
         offset,
         np.full(m, cell.wire.radius if radius is None else radius),
         np.full(m, SIGMA),
-        made.ids,
+        planned_touches.ids,
         np.arange(m),
     )
 

@@ -67,18 +67,18 @@ def run(
 ) -> list[dict[str, Any]]:
     """One row a robot: touches that met, tip error, promise, the share of intervals that hold the truth, and faults."""
     cell = scaled(arc_welder(), scale)
-    planned = _planned(scale, n, offered)
+    result = _planned(scale, n, offered)
     q = zone_poses(cell, rng=np.random.default_rng(4711))
     rows = []
     for _ in range(robots):
         true = cell.theta + cell.spread * rng.standard_normal(len(cell.theta))
         off = {f.name: FAULTS[fault].jig * f.tolerance * rng.standard_normal() for f in cell.the_jig.faces}
-        sound, seed = touched(cell, planned.plan, true, off, rng), rng.spawn(1)[0]
-        row = {"touches": n, "scale": scale, "fault": fault, "met": len(sound), "planned_mm": planned.promise.p95_mm}
+        sound, seed = touched(cell, result.plan, true, off, rng), rng.spawn(1)[0]
+        row = {"touches": n, "scale": scale, "fault": fault, "met": len(sound), "planned_mm": result.promise.p95_mm}
         row |= _judged(cell, sound, {}, true, off, q)
         if FAULTS[fault].touches:
-            made, truth = spoiled(FAULTS[fault], cell, planned.plan, true, off, seed)
-            row |= {"sound_mm": row["rms_mm"]} | _judged(cell, made, truth, true, off, q)
+            touches, truth = spoiled(FAULTS[fault], cell, result.plan, true, off, seed)
+            row |= {"sound_mm": row["rms_mm"]} | _judged(cell, touches, truth, true, off, q)
         rows.append({"sound_mm": row["rms_mm"]} | row)
     return rows
 
@@ -90,18 +90,20 @@ def _planned(scale: float, n: int, offered: int) -> PlanResult:
 
 
 def _judged(
-    cell: Cell, made: Touches, truth: Mapping[str, str], true: np.ndarray, off: dict[str, float], q: np.ndarray
+    cell: Cell, touches: Touches, truth: Mapping[str, str], true: np.ndarray, off: dict[str, float], q: np.ndarray
 ) -> dict[str, float]:
     """What a robot was promised, what it got, and what was said of wrong names; NaN if its touches were refused."""
     try:
-        found = calibrate(cell, made, folds=0)
+        calibration = calibrate(cell, touches, folds=0)
     except (InputError, RuntimeError):
         return REFUSED | dict.fromkeys(NAMING, float("nan"))
-    error = np.linalg.norm(found.cell.kinematics.tip(q, found.theta)[0] - tips(cell.robot, q, true)[0], axis=1)
-    known = posterior(found)
-    sigma = dict(zip(known.unknowns.names, np.sqrt(np.diag(known.covariance())), strict=True))
+    error = np.linalg.norm(
+        calibration.cell.kinematics.tip(q, calibration.theta)[0] - tips(cell.robot, q, true)[0], axis=1
+    )
+    estimate = posterior(calibration)
+    sigma = dict(zip(estimate.unknowns.names, np.sqrt(np.diag(estimate.covariance())), strict=True))
     values = dict(zip(cell.robot.parameters, true, strict=True)) | {f"face.{name}": b for name, b in off.items()}
-    return judged(found, error, values, sigma) | naming(found, truth)
+    return judged(calibration, error, values, sigma) | naming(calibration, truth)
 
 
 def scaled(cell: Cell, scale: float) -> Cell:
@@ -133,10 +135,10 @@ def _faulty(some: Table, good: Bool[np.ndarray, " robots"]) -> str:
     if some["fault"][0] == "none":
         return ""
     sound, rms = column(some, "sound_mm")[good], column(some, "rms_mm")[good]
-    names, found, proposed, accused, jig = (column(some, name)[good] for name in NAMING)
+    names, right, proposed, accused, jig = (column(some, name)[good] for name in NAMING)
     words = [f"RMS x {np.median(rms) / np.median(sound):.2f}, worst x {rms.max() / sound.max():.2f}"]
     if names.any():
-        words.append(f"names {found.sum():.0f} found, {proposed.sum():.0f} proposed of {names.sum():.0f}")
+        words.append(f"names {right.sum():.0f} found, {proposed.sum():.0f} proposed of {names.sum():.0f}")
     words.append(f"{accused.sum():.0f} accused, jig named in {100 * jig.mean():.0f} %")
     return ": " + "; ".join(words)
 

@@ -83,15 +83,15 @@ def _by_axis(further: dict[str, np.ndarray]) -> dict[str, float]:
 
 def _planned(cell: Cell, kind: str, budget: float, count: int) -> Setup:
     """Measurements of one kind, planned."""
-    planned = plan_kinds(cell, [kind], budget, rng=np.random.default_rng(0), count=count)
-    table = planned.parts[0].table
+    result = plan_kinds(cell, [kind], budget, rng=np.random.default_rng(0), count=count)
+    table = result.parts[0].table
     assert table is not None
 
     def make(rng: np.random.Generator) -> tuple[Truth, list[Measurements]]:
         theta, further = _drawn(cell, rng), draw_named(cell, rng)
         return Truth(theta, _by_axis(further)), [readings(cell, table, theta, rng, further)]
 
-    return cell, make, planned.limit.rms_mm
+    return cell, make, result.limit.rms_mm
 
 
 def _targets(count: int) -> Setup:

@@ -25,7 +25,7 @@ from identify.model.touch import HIT, Plan, Touches
 from identify.report.svg import AFTER, BEFORE, OUT, Chart, logarithmic, named, picture
 from oed.criteria.criteria import CRITERIA
 from oed.criteria.own import OwnCriterion
-from oed.planning.candidate_set import candidate_set, plan_of
+from oed.planning.candidate_set import make_candidate_set, plan_of
 from oed.planning.plan import COUNT, plan
 from oed.planning.strategies import Setting
 from studies.common import FEW, arc_welder, zone
@@ -99,7 +99,7 @@ def _sequential(rng: np.random.Generator, n: int, theta: np.ndarray, count: int)
     for true in theta[:, None]:
         touches = [_touches(first, touch_every(cell, true, first, rng, proud=draw_faces(cell, first, 1, rng)))]
         if n > FIRST:
-            offer = candidate_set(cell, rng, after=calibrate(cell, *touches, folds=0, errors="cell"), count=count)
+            offer = make_candidate_set(cell, rng, after=calibrate(cell, *touches, folds=0, errors="cell"), count=count)
             rest = plan_of(Setting(offer, "V", "optimal", rng).quickly(n - FIRST))
             touches.append(
                 _touches(rest, touch_every(cell, true, rest, rng, proud=draw_faces(cell, rest, 1, rng)), "b")

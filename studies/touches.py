@@ -37,11 +37,11 @@ def tasks(small: bool) -> list[dict[str, Any]]:
 def run(rng: np.random.Generator, n: int, robots: int, offered: int) -> list[dict[str, Any]]:
     """One row a scatter: the tip error over robots and poses, and what the plan promised."""
     cell = arc_welder()
-    planned = plan(cell, n, rng=rng, count=offered)
-    theta, proud = draw_many(cell, robots, rng), draw_faces(cell, planned.plan, robots, rng)
+    result = plan(cell, n, rng=rng, count=offered)
+    theta, proud = draw_many(cell, robots, rng), draw_faces(cell, result.plan, robots, rng)
     rows = []
     for sigma in SIGMAS:
-        touches = touch_every(cell, theta, planned.plan, rng, sigma=sigma, proud=proud)
+        touches = touch_every(cell, theta, result.plan, rng, sigma=sigma, proud=proud)
         error = errors_in_zone(cell, theta, calibrate_many(cell, touches, eliminate=False).theta, zone(200))
         rows.append(
             {
@@ -50,7 +50,7 @@ def run(rng: np.random.Generator, n: int, robots: int, offered: int) -> list[dic
                 "rms_mm": float(np.sqrt((error**2).mean())),
                 "p95_mm": float(np.quantile(error, 0.95)),
                 "max_mm": float(error.max()),
-                "promised_p95_mm": planned.promise.p95_mm if sigma == cell.touch.sigma else float("nan"),
+                "promised_p95_mm": result.promise.p95_mm if sigma == cell.touch.sigma else float("nan"),
             }
         )
     return rows

@@ -23,7 +23,7 @@ SINGULAR = (
     0.1  # smallest singular value of the pose Jacobian, lengths in LEVER, below which a posture is called singular
 )
 TURN = 4 * np.pi  # [rad] of an angle of a pose, beyond which degrees were meant
-MOVED = 0.05  # [mm] or [deg] of the base, that is worth a word
+SHIFT = 0.05  # [mm] or [deg] of the base, that is worth a word
 HARD = 100  # targets at most that are handed to Ipopt, at some 10 milliseconds each
 
 Place = Literal["jig", "base"] | Float[np.ndarray, " 6"]
@@ -118,7 +118,7 @@ def remarks(calibration: Calibration, fixed_to: Hold) -> list[str]:
         apart = inverse(transform(cell.theta[:6])) @ transform(calibration.theta[:6])
         distance = float(np.linalg.norm(apart[:3, 3]))
         angle = np.degrees(np.arccos(min(1.0, (np.trace(apart) - 2) / 2)))
-        if distance > MOVED or angle > MOVED:
+        if distance > SHIFT or angle > SHIFT:
             sentences.append(
                 f"the base was found {distance:.2f} mm and {angle:.2f} degrees from where the cell file puts it, and "
                 "points are taken to stand with the jig; if they stand with the robot, which taught their frames, give "

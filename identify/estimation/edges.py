@@ -78,8 +78,8 @@ def doubts(
     away = away + across * (own * r / rest)[touch]
     noise2 = (noise * sigma) ** 2
     spread = noise2[touch] + ((B @ C) * B).sum(axis=1) + across**2 * (own / rest)[touch]
-    planned = _log_density(r / rest, noise2 + (CA * A).sum(axis=1) / rest)
-    np.minimum.at(odds, touch, planned[touch] + RARE - _log_density(away, spread))
+    density = _log_density(r / rest, noise2 + (CA * A).sum(axis=1) / rest)
+    np.minimum.at(odds, touch, density[touch] + RARE - _log_density(away, spread))
     return odds
 
 

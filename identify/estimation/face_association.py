@@ -145,23 +145,23 @@ class _Search:
     def belief(self, theta: Float[np.ndarray, " parameters"], face: Int[np.ndarray, " touches"]) -> Belief:
         """The most probable parameters with touches as exact as they are, without those that do not agree."""
         sigma = np.where(self.rough[face], ROUGH, self.rows.sigma)
-        used = self._misfit(theta, BLUR[-1])[np.arange(len(face)), face] < BEYOND**2
+        agreeing = self._misfit(theta, BLUR[-1])[np.arange(len(face)), face] < BEYOND**2
         while True:
-            theta, C = self.solve(theta, face, np.where(used, sigma, np.inf), steps=STEPS)
+            theta, C = self.solve(theta, face, np.where(agreeing, sigma, np.inf), steps=STEPS)
             r, J = self._linearize(theta, face)
             W = J[:, self.free] * self.prior / sigma[:, None]
             variance = np.einsum("ij,jk,ik->i", W, C, W)
-            away = np.where(used, np.abs(r) / sigma / np.sqrt(np.clip(1 - variance, 1e-9, 1)), 0.0)
+            away = np.where(agreeing, np.abs(r) / sigma / np.sqrt(np.clip(1 - variance, 1e-9, 1)), 0.0)
             worst = int(np.argmax(away))
             if away[worst] <= BEYOND:
                 break
-            used[worst] = False
+            agreeing[worst] = False
         covariance = np.zeros((len(theta), len(theta)))
         covariance[np.ix_(self.free, self.free)] = C * np.outer(self.prior, self.prior)
         met = replace(
             self.touches, face=tuple(self.names[i] for i in face), normal=self.normal[face], offset=self.offset[face]
         )
-        return Belief(theta, covariance, met, used)
+        return Belief(theta, covariance, met, agreeing)
 
     def nearest(self, theta: Float[np.ndarray, " parameters"], blur: float) -> Int[np.ndarray, " touches"]:
         """The face that every touch met most probably; the planned one where that is hardly less probable."""
@@ -271,8 +271,8 @@ def as_identified(cell: Cell, calibration: Calibration) -> Cell:
     base = calibration.cell.base
     same = cell.base is None or (base is not None and np.array_equal(cell.base, base))
     cell = replace(cell, robot=cell.robot.with_errors(calibration.cell.robot.errors))
-    found = believed(cell, calibration.theta)
-    return found if same else replace(found, base=cell.base)
+    moved_cell = believed(cell, calibration.theta)
+    return moved_cell if same else replace(moved_cell, base=cell.base)
 
 
 def believed(cell: Cell, theta: Float[np.ndarray, " parameters"]) -> Cell:

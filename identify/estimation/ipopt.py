@@ -47,9 +47,9 @@ def minimize(
     Ipopt sees the coordinates z of x = basis z, and stops where no element of the gradient by them exceeds the
     tolerance. The basis is upper triangular; diagonal, where there are bounds.
     """
-    made = len(start), tolerance, ITERATIONS
-    idle = _idle[made]
-    program = idle.pop() if idle else Program(*made)
+    key = len(start), tolerance, ITERATIONS
+    idle = _idle[key]
+    program = idle.pop() if idle else Program(*key)
     try:
         return program.minimize(at, basis, start, lower, upper)
     finally:

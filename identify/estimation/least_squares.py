@@ -165,12 +165,12 @@ class LeastSquares:
     ) -> tuple[Float[np.ndarray, " unknowns"], int, float]:
         """Where some Newton steps lead, each shorter than the one before; their number; the size of the next."""
         step, size = self._newton(x, objective)
-        for made in range(most):
+        for count in range(most):
             if size < enough:
-                return x, made, size
+                return x, count, size
             further, less = self._newton(x + step, objective)
             if not less < size:
-                return x, made, size
+                return x, count, size
             x, step, size = x + step, further, less
         return x, most, size
 

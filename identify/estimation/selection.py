@@ -107,9 +107,9 @@ def choose(
     errors_mm = {names: _distances(owner, linear.held_out(names) * mm) for names in path}
     best = int(np.argmin([e.mean() for e in errors]))
     place = next(i for i in range(best + 1) if _within(errors[i] - errors[best]))
-    chosen = _likely(linear, path[place])
-    terms = tuple(_term(after[-1], errors_mm[before], errors_mm[after], chosen) for before, after in pairwise(path))
-    return Selection(tuple(name for name in ERROR_MODELS if name in chosen), terms)
+    likely = _likely(linear, path[place])
+    terms = tuple(_term(after[-1], errors_mm[before], errors_mm[after], likely) for before, after in pairwise(path))
+    return Selection(tuple(name for name in ERROR_MODELS if name in likely), terms)
 
 
 def _term(name: str, before: np.ndarray, after: np.ndarray, names: Sequence[str]) -> Term:

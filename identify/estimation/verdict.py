@@ -132,8 +132,8 @@ def _fit(cell: Cell, recorded: Rows, posed: Problem | None) -> tuple[float, floa
 
     A base or a tool that is to be fitted starts where these rows put it; else the unknowns are those of the problem.
     """
-    fitted = posed is None or cell.base is None or cell.tool is None
-    problem = _posed(cell, recorded) if fitted else replace(posed, rows=recorded)  # type: ignore[type-var]
+    open_pose = posed is None or cell.base is None or cell.tool is None
+    problem = _posed(cell, recorded) if open_pose else replace(posed, rows=recorded)  # type: ignore[type-var]
     if problem is None:
         return np.inf, np.inf
     x, damping = np.zeros(problem.size), 1.0

@@ -15,15 +15,15 @@ def residuals_in_time(c: Calibration) -> str:
     """Residuals in the order of the touches: a drift is a slope."""
     order = np.arange(1, len(c.residuals) + 1)
     after = np.array([r.after_mm for r in c.residuals.values()])
-    used = np.array([r.used for r in c.residuals.values()])
+    counted = np.array([r.used for r in c.residuals.values()])
     chart = Chart(
         "Residuals after identification, in the order of the touches",
         axis("touch", order),
-        axis("residual, mm", after[used], zero=True),
+        axis("residual, mm", after[counted], zero=True),
     )
     inside = np.clip(after, chart.y.lower, chart.y.upper)
     hints = [f"{name}: {value:+.3f} mm" for name, value in zip(c.residuals, after, strict=True)]
-    for mask, shade in ((used, AFTER), (~used, OUT)):
+    for mask, shade in ((counted, AFTER), (~counted, OUT)):
         chart.dots(order[mask], inside[mask], shade, [h for h, m in zip(hints, mask, strict=True) if m])
     chart.level(0.0, "")
     chart.legend([(AFTER, "used"), (OUT, "left out; beyond the frame at its edge")])

@@ -186,8 +186,8 @@ def _parameters(c: Calibration) -> str:
         if i in small:
             continue
         status, sigma = c.status(name), INTERVAL * c.sigma[i] / unit[i]
-        seen = "well seen" if c.sigma[i] < WELL_SEEN * c.cell.prior[i] else "partly seen"
-        sight = {"estimated": "weak: tolerances tell more" if name in c.weak else seen, "fixed": "fixed by the user"}
+        level = "well seen" if c.sigma[i] < WELL_SEEN * c.cell.prior[i] else "partly seen"
+        sight = {"estimated": "weak: tolerances tell more" if name in c.weak else level, "fixed": "fixed by the user"}
         words = sight.get(status) or _carried(c, name)
         value, start = c.theta[i] / unit[i], c.start[i] / unit[i]
         estimated, digits = status == "estimated", c.cell.robot.decimals[i]

@@ -14,7 +14,7 @@ LISTED = 6  # directions, the worst first
 def unseen(
     coordinates: Coordinates,
     pool: Float[np.ndarray, "touches k"],
-    chosen: Float[np.ndarray, "n k"],
+    rows: Float[np.ndarray, "n k"],
     zone: Float[np.ndarray, "poses joints"],
 ) -> tuple[str, ...]:
     """A sentence for every direction of identifiable parameters that n touches see less well than the priors do.
@@ -24,9 +24,9 @@ def unseen(
     weld zone.
     """
     root = np.linalg.cholesky(coordinates.precision)  # directions are compared with the priors
-    value, vector = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, chosen.T @ chosen).T))
+    value, vector = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, rows.T @ rows).T))
     weak = [np.linalg.solve(root.T, v) for v in vector.T[value < 1.0]]
-    return tuple(_sentence(coordinates, pool, len(chosen), zone, v) for v in weak[:LISTED])
+    return tuple(_sentence(coordinates, pool, len(rows), zone, v) for v in weak[:LISTED])
 
 
 def limiting(after: Information, zone: Float[np.ndarray, "poses joints"]) -> str:

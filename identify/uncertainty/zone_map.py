@@ -43,8 +43,8 @@ def zone_map(c: Calibration) -> ZoneMap | None:
         elif k % 2 and not np.isnan(best).all():
             start = _nearest(point[todo], point, posture)
             start += AROUND * (robot.upper - robot.lower) * rng.standard_normal(start.shape)
-        found = reach(c.cell.kinematics, c.theta, point[todo], down[todo], start, free_roll=True)
-        good, q = todo[found.reached()], found.q[found.reached()]
+        solution = reach(c.cell.kinematics, c.theta, point[todo], down[todo], start, free_roll=True)
+        good, q = todo[solution.reached()], solution.q[solution.reached()]
         best[good] = np.fmin(best[good], np.sqrt(np.trace(c.tip_covariance(q), axis1=1, axis2=2)))
         posture[good] = q
     return ZoneMap(axes[0], axes[1], axes[2], best.reshape(GRID))

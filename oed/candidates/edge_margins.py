@@ -54,10 +54,10 @@ def warnings(cell: Cell, edges: Margins, touched: Bool[np.ndarray, " faces"]) ->
     faces, touch = cell.the_jig.faces, cell.touch
     out = []
     need = SIGMAS * np.where(touched[:, None], edges.deviation, 0.0)
-    if len(missed := np.flatnonzero((need[:, :2] > edges.inset + 1e-9).any(axis=1))):
+    if len(narrow := np.flatnonzero((need[:, :2] > edges.inset + 1e-9).any(axis=1))):
         out.append(
-            f"the tip may be up to {need[missed, :2].max():.0f} mm off ({SIGMAS:g} sigma), but touches stay only "
-            f"{_span(edges.inset[missed])} mm from the edges of {', '.join(faces[i].name for i in missed)}, or little "
+            f"the tip may be up to {need[narrow, :2].max():.0f} mm off ({SIGMAS:g} sigma), but touches stay only "
+            f"{_span(edges.inset[narrow])} mm from the edges of {', '.join(faces[i].name for i in narrow)}, or little "
             "of these faces would be left."
         )
     if (deep := need[:, 2].max(initial=0.0)) > min(touch.approach, touch.travel - touch.approach):

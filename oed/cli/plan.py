@@ -202,8 +202,8 @@ def _certificate(answer: dict[str, Any]) -> list[str]:
     if share is not None:
         among = "the {joined} of {offered} touches on offer that clear ways join".format(**answer["candidates"])
         best = f"at least {100 * share:.1f} % of the best possible over {among}"
-        moved = f"better than any choice of {among}: these were moved from there to where they tell more"
-        lines.append(moved if share > 1 else best)
+        better = f"better than any choice of {among}: these were moved from there to where they tell more"
+        lines.append(better if share > 1 else best)
     if answer["manifold"] is not None:
         lines.append(f"at least {100 * answer['manifold']:.1f} % of the best possible over {answer['manifold_covers']}")
     return lines

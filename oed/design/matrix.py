@@ -80,5 +80,5 @@ def seen(
     size = np.sqrt(np.diag(M))
     scale = 1 / np.where(size == 0, 1, size)
     eigenvalues, V = np.linalg.eigh(M * scale * scale[:, None])
-    kept = eigenvalues > RANK_TOLERANCE * eigenvalues[-1]
-    return scale[:, None] * V[:, kept] / np.sqrt(eigenvalues[kept]), scale[:, None] * V[:, ~kept]
+    strong = eigenvalues > RANK_TOLERANCE * eigenvalues[-1]
+    return scale[:, None] * V[:, strong] / np.sqrt(eigenvalues[strong]), scale[:, None] * V[:, ~strong]

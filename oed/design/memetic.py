@@ -91,8 +91,8 @@ class Pool:
 
     def after(self, members: Members, rng: np.random.Generator) -> LocalOptimum | None:
         """A local optimum from as many touches of a set as keep the rules; None if there are none."""
-        kept = members if self.rules.simple else self.rules.kept(rng.permutation(members), self.n)
-        whole = self.completed(kept[: self.n]) if len(kept) else None
+        some = members if self.rules.simple else self.rules.kept(rng.permutation(members), self.n)
+        whole = self.completed(some[: self.n]) if len(some) else None
         return None if whole is None else self.descend(whole)
 
     def child(self, parents: list[Members], rng: np.random.Generator) -> LocalOptimum | None:

@@ -181,9 +181,9 @@ def _quotas(
     if missing:
         raise ValueError(f"quota of face {missing[0]}: no candidate lies on it")
     limits = np.array([quotas.get(name, (0, slots + len(fixed))) for name in names.tolist()], dtype=int).reshape(-1, 2)
-    done = np.bincount(group[fixed], minlength=len(names))
-    low, high = np.maximum(limits[:, 0] - done, 0), limits[:, 1] - done
-    has = np.full(len(names), count) if repeats else np.bincount(group, minlength=len(names)) - done
+    present = np.bincount(group[fixed], minlength=len(names))
+    low, high = np.maximum(limits[:, 0] - present, 0), limits[:, 1] - present
+    has = np.full(len(names), count) if repeats else np.bincount(group, minlength=len(names)) - present
     for name, least, most, room in zip(names, low, high, has, strict=True):
         if most < least:
             raise ValueError(f"quota of face {name}: it takes {most} more touches and needs {least}; loosen it")

@@ -196,7 +196,7 @@ class CandidateSet:
         return out * self.cell.touch.sigma
 
 
-def candidate_set(
+def make_candidate_set(
     cell: Cell,
     rng: np.random.Generator,
     *,

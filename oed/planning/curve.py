@@ -19,7 +19,7 @@ STEPS = (0.5, 0.65, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0, 4.0)  # of the curve, times t
 
 
 def curve(
-    offered: CandidateSet, touches: Candidates, choose: Callable[[int], Candidates]
+    candidate_set: CandidateSet, touches: Candidates, choose: Callable[[int], Candidates]
 ) -> tuple[tuple[int, float], ...]:
     """Numbers of touches, and the promised tip error [mm] after each; it never rises.
 
@@ -29,52 +29,52 @@ def curve(
     """
     n = len(touches)
     counts = sorted({max(1, round(step * n)) for step in STEPS})
-    errors = np.array([offered.promise(touches, m / n).p95_mm for m in counts])
-    if errors[-1] > LEVEL * errors[0] and offered.searches(touches).missing.mean() > MISSED:
-        most = min(max(QUICK, n // 2), len(offered.candidates))
+    errors = np.array([candidate_set.promise(touches, m / n).p95_mm for m in counts])
+    if errors[-1] > LEVEL * errors[0] and candidate_set.searches(touches).missing.mean() > MISSED:
+        most = min(max(QUICK, n // 2), len(candidate_set.candidates))
         counts = sorted({m for step in FEW if 1 <= (m := round(step * n)) <= most} | {n})
-        errors = np.array([offered.promise(touches if m == n else choose(m)).p95_mm for m in counts])
+        errors = np.array([candidate_set.promise(touches if m == n else choose(m)).p95_mm for m in counts])
     here = counts.index(n)
     errors[here::-1] = np.maximum.accumulate(errors[here::-1])
     errors[here:] = np.minimum.accumulate(errors[here:])
     return tuple(zip(counts, errors.tolist(), strict=True))
 
 
-def smallest(offered: CandidateSet, target: float, choose: Callable[[int], Candidates]) -> int:
+def smallest(candidate_set: CandidateSet, target: float, choose: Callable[[int], Candidates]) -> int:
     """The smallest number of touches whose promised tip error in the zone is below `target` [mm].
 
     `choose` makes a set of so many touches. Raises InputError where no number does it, with the floor.
     """
-    first = choose(min(USUAL, len(offered.candidates)))
-    _possible(offered, target, first)
-    high, low = _guess(offered, first, target), 0
-    while not _meets(offered, choose(high), target):
+    first = choose(min(USUAL, len(candidate_set.candidates)))
+    _possible(candidate_set, target, first)
+    high, low = _guess(candidate_set, first, target), 0
+    while not _meets(candidate_set, choose(high), target):
         low = high
         if low >= MOST:
             raise InputError(
                 f"target {target:g} mm: even {MOST} touches promise no better than "
-                f"{offered.promise(choose(MOST)).p95_mm:.3f} mm (95 %); raise the target, or touch more exactly"
+                f"{candidate_set.promise(choose(MOST)).p95_mm:.3f} mm (95 %); raise the target, or touch more exactly"
             )
         high = min(max(high + 1, round(1.1 * high)), MOST)
     while high - low > 1:
         middle = max(low + 1, min(high - 1, round(0.9 * high) if low == 0 else (low + high) // 2))
-        if _meets(offered, choose(middle), target):
+        if _meets(candidate_set, choose(middle), target):
             high = middle
         else:
             low = middle
     return high
 
 
-def _meets(offered: CandidateSet, touches: Candidates, target: float) -> bool:
-    return offered.promise(touches).p95_mm <= target
+def _meets(candidate_set: CandidateSet, touches: Candidates, target: float) -> bool:
+    return candidate_set.promise(touches).p95_mm <= target
 
 
-def _possible(offered: CandidateSet, target: float, touches: Candidates) -> None:
+def _possible(candidate_set: CandidateSet, target: float, touches: Candidates) -> None:
     """Raise InputError where even infinitely many touches would leave more than the target."""
-    floor = offered.promise(touches, ENDLESS).p95_mm
+    floor = candidate_set.promise(touches, ENDLESS).p95_mm
     if target > floor:
         return
-    searches = offered.searches(touches)
+    searches = candidate_set.searches(touches)
     if searches.missing.mean() > MISSED:
         share = 100 * searches.missing.mean()
         raise InputError(
@@ -90,11 +90,11 @@ def _possible(offered: CandidateSet, target: float, touches: Candidates) -> None
     )
 
 
-def _guess(offered: CandidateSet, touches: Candidates, target: float) -> int:
+def _guess(candidate_set: CandidateSet, touches: Candidates, target: float) -> int:
     """The number at which touches like these would meet the target."""
     low, high = 1, MOST
     while low < high:
         middle = (low + high) // 2
-        meets = offered.promise(touches, middle / len(touches)).p95_mm <= target
+        meets = candidate_set.promise(touches, middle / len(touches)).p95_mm <= target
         low, high = (low, middle) if meets else (middle + 1, high)
     return low

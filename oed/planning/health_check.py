@@ -40,10 +40,10 @@ def plan_check(
     """
     rng = np.random.default_rng(0) if rng is None else rng
     before = posterior(calibration, cell)
-    offered = around(_changed(before, sizes), rng, count)
-    if not 1 <= n <= len(offered.candidates):
-        raise InputError(f"{n} touches are asked for, and {len(offered.candidates)} were found that can be made")
-    touches, order = best_in_order(_Changes(offered.prior, offered.candidates, before, sizes), n, "D", rng)
+    candidate_set = around(_changed(before, sizes), rng, count)
+    if not 1 <= n <= len(candidate_set.candidates):
+        raise InputError(f"{n} touches are asked for, and {len(candidate_set.candidates)} were found that can be made")
+    touches, order = best_in_order(_Changes(candidate_set.prior, candidate_set.candidates, before, sizes), n, "D", rng)
     return with_via(plan_of(touches), order.via), order
 
 

@@ -16,7 +16,7 @@ from identify.model.touch import Plan
 from identify.uncertainty.promise import Promise
 from identify.uncertainty.weak_directions import limiting, unseen
 from oed.criteria.criteria import CRITERIA, score
-from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
+from oed.planning.candidate_set import CandidateSet, make_candidate_set, plan_of
 from oed.planning.curve import curve, smallest
 from oed.planning.strategies import STRATEGIES, Choice, Setting
 from probe.motion.roadmap import with_via
@@ -45,7 +45,7 @@ class PlanResult:
     """Candidates: the touches on offer that clear ways join."""
     joined: int
     """Touches that clear ways join."""
-    offered: int
+    count: int
     """Touches on offer, polished ones with them."""
     manifold: float | None
     """Efficiency against all touches that can be made, as far as `manifold_covers` says."""
@@ -71,7 +71,7 @@ class PlanResult:
         """Numbers of touches, and the 95 % tip error in the zone to expect [mm]; computed when it is asked for."""
         setting, touches = self.setting, self.choice.touches
         with threadpool_limits(1):
-            return curve(setting.offered, touches, lambda n: setting.resized(touches, n))
+            return curve(setting.candidate_set, touches, lambda n: setting.resized(touches, n))
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -115,19 +115,27 @@ def plan(
     _check(n, target, criterion, strategy, seconds)
     with threadpool_limits(1):  # threads cost more than they save on small matrices, and their sums differ
         say("finding touches that can be made", 0.0)
-        offered = candidate_set(cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting)
-        setting = Setting(offered, criterion, strategy, rng, seconds)
+        candidate_set = make_candidate_set(
+            cell, rng, after=after, count=count, structured=strategy == "optimal", lifting=lifting
+        )
+        setting = Setting(candidate_set, criterion, strategy, rng, seconds)
         if target is not None:
             say("looking for the number of touches", 0.3)
-            n = smallest(offered, target, setting.quickly)
+            n = smallest(candidate_set, target, setting.quickly)
         n = 50 if n is None else n
-        if n > len(offered.candidates):
+        if n > len(candidate_set.candidates):
             raise InputError(
-                f"{n} touches are asked for, and only {len(offered.candidates)} were found that can be made"
+                f"{n} touches are asked for, and only {len(candidate_set.candidates)} were found that can be made"
             )
         choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
-        while target is not None and offered.promise(choice.touches).p95_mm > target and n < len(offered.candidates):
-            n = min(max(n + 1, round(1.05 * n)), len(offered.candidates))  # what clear ways join is a little less good
+        while (
+            target is not None
+            and candidate_set.promise(choice.touches).p95_mm > target
+            and n < len(candidate_set.candidates)
+        ):
+            n = min(
+                max(n + 1, round(1.05 * n)), len(candidate_set.candidates)
+            )  # what clear ways join is a little less good
             choice = setting.choose(n, lambda what, share: say(what, 0.4 + 0.6 * share))
         say("done", 1.0)
         return _result(setting, choice)
@@ -142,7 +150,7 @@ def summary(result: PlanResult) -> dict[str, Any]:
         "indices": dict(result.indices),
         "efficiency": result.efficiency,
         "efficiency_covers": result.efficiency_covers,
-        "candidates": {"offered": result.offered, "joined": result.joined},
+        "candidates": {"offered": result.count, "joined": result.joined},
         "manifold": result.manifold,
         "manifold_covers": result.manifold_covers,
         "promise": {"rms_mm": result.promise.rms_mm, "p95_mm": result.promise.p95_mm},
@@ -171,46 +179,51 @@ def _check(n: int | None, target: float | None, criterion: str, strategy: str, s
 
 def _result(setting: Setting, choice: Choice) -> PlanResult:
     """What a chosen set promises."""
-    offered, touches = setting.offered, choice.touches
-    plan, basis = with_via(plan_of(touches), choice.order.via), offered.identifiable.basis
-    rows = offered.rows_of(touches)
+    candidate_set, touches = setting.candidate_set, choice.touches
+    plan, basis = with_via(plan_of(touches), choice.order.via), candidate_set.identifiable.basis
+    rows = candidate_set.rows_of(touches)
     return PlanResult(
         plan=plan,
         strategy=setting.strategy,
         criterion=setting.criterion,
-        indices=indices(offered, rows),
+        indices=indices(candidate_set, rows),
         efficiency=choice.efficiency,
         efficiency_covers="candidates",
         joined=choice.joined,
-        offered=choice.offered or len(offered.candidates),
+        count=choice.count or len(candidate_set.candidates),
         manifold=choice.manifold,
         manifold_covers=choice.certificate.covers if choice.manifold is not None and choice.certificate else None,
-        promise=offered.promise(touches),
-        minutes=minutes(offered.cell, plan, offered.deviations(touches)),
-        missing=tuple(offered.searches(touches).missing.tolist()),
-        unseen=unseen(offered.identifiable, offered.rows_of(offered.candidates) @ basis, rows @ basis, offered.zone),
+        promise=candidate_set.promise(touches),
+        minutes=minutes(candidate_set.cell, plan, candidate_set.deviations(touches)),
+        missing=tuple(candidate_set.searches(touches).missing.tolist()),
+        unseen=unseen(
+            candidate_set.identifiable,
+            candidate_set.rows_of(candidate_set.candidates) @ basis,
+            rows @ basis,
+            candidate_set.zone,
+        ),
         notes=(
-            *offered.candidates.notes,
-            *offered.searches(touches).sentences(),
+            *candidate_set.candidates.notes,
+            *candidate_set.searches(touches).sentences(),
             *blocked_ways(plan, choice.order),
-            limiting(offered.prior.updated(rows), offered.zone),
+            limiting(candidate_set.prior.updated(rows), candidate_set.zone),
         ),
         choice=choice,
         setting=setting,
     )
 
 
-def indices(offered: CandidateSet, rows: Float[np.ndarray, "touches unknowns"]) -> dict[str, float]:
+def indices(candidate_set: CandidateSet, rows: Float[np.ndarray, "touches unknowns"]) -> dict[str, float]:
     """Every criterion of the touches: of the weld zone by all unknowns and priors, others by the touches alone.
 
     A criterion that so few touches leave without a value is left out.
     """
     values = {}
     for name, criterion in CRITERIA.items():
-        coordinates = offered.coordinates(criterion)
+        coordinates = candidate_set.coordinates(criterion)
         F = rows @ coordinates.basis
         M = coordinates.information(F) if criterion.needs_zone else F.T @ F
-        values[name] = float(score(criterion, M, len(rows), coordinates.of_tip(offered.tip)))
+        values[name] = float(score(criterion, M, len(rows), coordinates.of_tip(candidate_set.tip)))
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import shortest_path
 from identify.model.cell import Cell
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
-from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
+from oed.planning.candidate_set import CandidateSet, make_candidate_set, plan_of
 from oed.planning.visitable import Best, visited
 from probe.motion.edges import FINE, Edges
 from probe.motion.roadmap import with_via
@@ -75,15 +75,15 @@ def plan_under_uncertainty(
     cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None = None, trail: Plan | None = None
 ) -> Plan:
     """A plan for a badly known robot, that begins with a clear way from the last touch of a trail."""
-    found = candidate_set(cell, rng, after=after, count=ROUGH)
+    found = make_candidate_set(cell, rng, after=after, count=ROUGH)
     for risk in RISKS:
-        offered = UncertainCandidateSet(found.prior, found.candidates, risk, lifting=False)
-        order = visited(offered, Best(offered, n, "V"), rng).order
-        plan = plan_of(offered.candidates.take(order.index))
-        started = begun(plan, offered.edges, trail)
+        candidate_set = UncertainCandidateSet(found.prior, found.candidates, risk, lifting=False)
+        order = visited(candidate_set, Best(candidate_set, n, "V"), rng).order
+        plan = plan_of(candidate_set.candidates.take(order.index))
+        started = begun(plan, candidate_set.edges, trail)
         if not order.blocked and (trail is None or started is not plan):
             return started
-    return in_reach(started, offered.edges)
+    return in_reach(started, candidate_set.edges)
 
 
 def in_reach(plan: Plan, edges: Edges) -> Plan:

@@ -10,7 +10,7 @@ from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
 from oed.candidates.candidates import COUNT, Candidates
-from oed.planning.candidate_set import candidate_set, plan_of
+from oed.planning.candidate_set import make_candidate_set, plan_of
 from oed.planning.plan import blocked_ways
 from oed.planning.visitable import visited
 from probe.motion.roadmap import with_via
@@ -48,24 +48,28 @@ def plan_unseen(
     too few touches can be made.
     """
     rng, n = np.random.default_rng(0) if rng is None else rng, N if n is None else n
-    offered = candidate_set(cell, rng, after=after, count=count, structured=False)
-    if not 0 < n <= len(offered.candidates) * (1 - NEAREST):
+    candidate_set = make_candidate_set(cell, rng, after=after, count=count, structured=False)
+    if not 0 < n <= len(candidate_set.candidates) * (1 - NEAREST):
         raise InputError(
-            f"{n} touches are asked for, and {len(offered.candidates)} were found that can be made; ask for fewer"
+            f"{n} touches are asked for, and {len(candidate_set.candidates)} were found that can be made; ask for fewer"
         )
-    features, away = _features(offered.candidates, seen)
-    weight = 1 / offered.candidates.number[offered.candidates.face]
+    features, away = _features(candidate_set.candidates, seen)
+    weight = 1 / candidate_set.candidates.number[candidate_set.candidates.face]
     sample = rng.choice(len(features), min(SAMPLE, len(features)), replace=False, p=weight / weight.sum())
-    visit = visited(offered, lambda allowed, before: _representative(features, away & allowed, sample, n), rng)
-    touches = offered.candidates.take(visit.order.index)
-    order, _ = offered.visit(touches, rng, start=np.arange(len(touches)))
+    visit = visited(candidate_set, lambda allowed, before: _representative(features, away & allowed, sample, n), rng)
+    touches = candidate_set.candidates.take(visit.order.index)
+    order, _ = candidate_set.visit(touches, rng, start=np.arange(len(touches)))
     touches = touches.take(order.index)
     plan = with_via(plan_of(touches), order.via)
     return UnseenPlan(
         plan=plan,
         apart=_apart(cell, touches.q, seen),
-        minutes=minutes(offered.cell, plan, offered.deviations(touches)),
-        notes=(*offered.candidates.notes, *offered.searches(touches).sentences(), *blocked_ways(plan, order)),
+        minutes=minutes(candidate_set.cell, plan, candidate_set.deviations(touches)),
+        notes=(
+            *candidate_set.candidates.notes,
+            *candidate_set.searches(touches).sentences(),
+            *blocked_ways(plan, order),
+        ),
     )
 
 

@@ -46,19 +46,19 @@ class Visit:
     allowed: Bool[np.ndarray, " touches"]  # of the offer: those that do not lead to blocked ways, as far as was seen
 
 
-def visited(offered: CandidateSet, pick: Pick, rng: np.random.Generator) -> Visit:
+def visited(candidate_set: CandidateSet, pick: Pick, rng: np.random.Generator) -> Visit:
     """Touches that `pick` chooses, until they can be visited on clear ways.
 
     What leads to blocked ways is given up, with all that is more like it than like what stays; after some tries, it is
     put in the place of what is given up that tells nearly the same and can be visited. The best try is returned where
     none is free of blocked ways.
     """
-    cell, at = offered.cell, offered.candidates.approach
+    cell, at = candidate_set.cell, candidate_set.candidates.approach
     allowed = np.ones(len(at), dtype=bool)
     chosen, best, least = pick(allowed, None), None, 0
     for attempt in range(TRIES + MENDS):
-        found, clear = offered.visit(offered.candidates.take(chosen), rng, kicks=0)
-        away = _away(offered.groups(offered.candidates.take(chosen)), np.ones(len(chosen)))
+        found, clear = candidate_set.visit(candidate_set.candidates.take(chosen), rng, kicks=0)
+        away = _away(candidate_set.groups(candidate_set.candidates.take(chosen)), np.ones(len(chosen)))
         if best is None or len(found.blocked) + away.sum() < least:
             best, least = Visit(replace(found, index=chosen[found.index]), allowed), len(found.blocked) + away.sum()
         if not least:
@@ -70,7 +70,7 @@ def visited(offered: CandidateSet, pick: Pick, rng: np.random.Generator) -> Visi
         if fewer.sum() < len(chosen):
             break
         allowed = fewer
-        chosen = pick(allowed, chosen) if attempt < TRIES else _mended(offered, chosen, bad, allowed)
+        chosen = pick(allowed, chosen) if attempt < TRIES else _mended(candidate_set, chosen, bad, allowed)
     assert best is not None
     return best
 
@@ -80,19 +80,23 @@ def linked(best: "Best") -> tuple[Bool[np.ndarray, " touches"], Candidates]:
 
     Returned with those of it that clear ways join.
     """
-    offered, n = best.offered, best.n
-    cell, at, allowed = offered.cell, offered.candidates.approach, np.ones(len(offered.candidates), dtype=bool)
+    candidate_set, n = best.candidate_set, best.n
+    cell, at, allowed = (
+        candidate_set.cell,
+        candidate_set.candidates.approach,
+        np.ones(len(candidate_set.candidates), dtype=bool),
+    )
     for _ in range(TRIES):
         weights = best.bound(allowed).weights
         some = np.argsort(-weights, kind="stable")[:USED]
         used = np.flatnonzero(allowed)[some]
-        group = offered.groups(offered.candidates.take(used))
+        group = candidate_set.groups(candidate_set.candidates.take(used))
         main = ~_away(group, weights[some])
         fewer = allowed & ~like(cell, at, at[used[~main]], at[used[main]])
         if main.all() or fewer.sum() < n:
             break
         allowed = fewer
-    return allowed, offered.candidates.take(used[main])
+    return allowed, candidate_set.candidates.take(used[main])
 
 
 def _away(group: Int[np.ndarray, " some"], weight: Float[np.ndarray, " some"]) -> Bool[np.ndarray, " some"]:
@@ -102,24 +106,24 @@ def _away(group: Int[np.ndarray, " some"], weight: Float[np.ndarray, " some"]) -
     return np.asarray(group != main)
 
 
-def joined(offered: CandidateSet, core: Candidates, touches: Candidates) -> Bool[np.ndarray, " touches"]:
+def joined(candidate_set: CandidateSet, core: Candidates, touches: Candidates) -> Bool[np.ndarray, " touches"]:
     """Which touches clear ways seem to join to most of a core."""
     if not len(touches):
         return np.zeros(0, dtype=bool)
-    group = offered.groups(core.followed_by(touches))
+    group = candidate_set.groups(core.followed_by(touches))
     return np.asarray(group[len(core) :] == np.argmax(np.bincount(group[: len(core)])))
 
 
 def _mended(
-    offered: CandidateSet,
+    candidate_set: CandidateSet,
     chosen: Int[np.ndarray, " n"],
     bad: Int[np.ndarray, " some"],
     allowed: Bool[np.ndarray, " touches"],
 ) -> Int[np.ndarray, " n"]:
     """The touches with those that lead astray replaced by others that tell nearly the same and have clear ways."""
-    at, coordinates = offered.candidates.approach, offered.all_unknowns
+    at, coordinates = candidate_set.candidates.approach, candidate_set.all_unknowns
     kept = np.delete(chosen, bad)
-    F = offered.rows @ coordinates.basis
+    F = candidate_set.rows @ coordinates.basis
     F = F @ np.linalg.cholesky(np.linalg.inv(coordinates.information(F[chosen])))  # so that distances mean information
     for i in chosen[bad]:
         distance = np.minimum(((F - F[i]) ** 2).sum(axis=1), ((F + F[i]) ** 2).sum(axis=1))
@@ -127,7 +131,11 @@ def _mended(
         distance[kept] = np.inf
         near = np.argsort(distance, kind="stable")[:LOOKS]
         pairs = np.array([[a, b] for a in near for b in kept])
-        clear = offered.edges.clear(at[pairs[:, 0]], at[pairs[:, 1]], COARSE).reshape(len(near), len(kept)).sum(axis=1)
+        clear = (
+            candidate_set.edges.clear(at[pairs[:, 0]], at[pairs[:, 1]], COARSE)
+            .reshape(len(near), len(kept))
+            .sum(axis=1)
+        )
         kept = np.append(kept, near[int(np.argmax(clear >= min(NEIGHBOURS, clear.max())))])
     return kept
 
@@ -141,7 +149,7 @@ class Best:
     so long. `relaxation` is that of all touches on offer, where it is known.
     """
 
-    offered: CandidateSet
+    candidate_set: CandidateSet
     n: int
     criterion: str | Criterion
     tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
@@ -168,7 +176,7 @@ class Best:
             iterations=searches,
             seconds=seconds,
             prior=self.coordinates.precision,
-            positions=_places(self.offered.candidates)[some],
+            positions=_places(self.candidate_set.candidates)[some],
             min_distance=1.0,
         )
         return some[found.indices]
@@ -190,31 +198,31 @@ class Best:
     @cached_property
     def _bounds(self) -> dict[bytes, ApproximateDesign]:
         """By the touches that are allowed."""
-        every = np.ones(len(self.offered.candidates), dtype=bool).tobytes()
+        every = np.ones(len(self.candidate_set.candidates), dtype=bool).tobytes()
         return {} if self.relaxation is None else {every: self.relaxation}
 
     @property
     def coordinates(self) -> Coordinates:
         """Those of the criterion."""
-        return self.offered.coordinates(self.criterion)
+        return self.candidate_set.coordinates(self.criterion)
 
     @cached_property
     def rows(self) -> Float[np.ndarray, "touches k"]:
         """Whitened rows of all candidates in these coordinates."""
-        return self.offered.rows @ self.coordinates.basis
+        return self.candidate_set.rows @ self.coordinates.basis
 
     @cached_property
     def measure(self) -> Criterion:
         """The criterion, of what is to be exact."""
-        return measured(self.criterion, self.offered, self.tip)
+        return measured(self.criterion, self.candidate_set, self.tip)
 
 
 def measured(
-    criterion: str | Criterion, offered: CandidateSet, tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
+    criterion: str | Criterion, candidate_set: CandidateSet, tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
 ) -> Criterion:
     """A criterion of the poses of the weld zone, or of points with other rows, if it needs any."""
-    chosen, coordinates = criterion_named(criterion), offered.coordinates(criterion)
-    zone = coordinates.of_tip(offered.tip if tip is None else tip) if chosen.needs_zone else None
+    chosen, coordinates = criterion_named(criterion), candidate_set.coordinates(criterion)
+    zone = coordinates.of_tip(candidate_set.tip if tip is None else tip) if chosen.needs_zone else None
     return chosen.on(zone, len(coordinates))
 
 
@@ -226,7 +234,7 @@ def expected(best: Best) -> Pick:
     tells a robot that misses it nothing. The average robot counts with them, so that touches are not chosen for the
     luck of a draw.
     """
-    offered, coordinates = best.offered, best.coordinates
+    candidate_set, coordinates = best.candidate_set, best.coordinates
 
     def pick(allowed: Bool[np.ndarray, " touches"], before: Int[np.ndarray, " n"] | None) -> Int[np.ndarray, " n"]:
         start = best(allowed, None) if before is None else before[allowed[before]]
@@ -234,7 +242,7 @@ def expected(best: Best) -> Pick:
         some = np.argsort(-np.where(allowed, gains, -np.inf), kind="stable")[: min(POOL, int(allowed.sum()))]
         pool = np.union1d(start, some)
         members = np.searchsorted(pool, start)
-        search = _over_robots(best, offered.candidates.take(pool), members)
+        search = _over_robots(best, candidate_set.candidates.take(pool), members)
         whole = search.completed(members)
         return best(allowed, before) if whole is None else pool[search.descend(whole).members]
 
@@ -246,12 +254,12 @@ def resized(best: Best, touches: Candidates) -> Candidates:
 
     One after the other, and none is exchanged: about what `expected` would choose.
     """
-    offered, n, members = best.offered, best.n, np.arange(len(touches))
+    candidate_set, n, members = best.candidate_set, best.n, np.arange(len(touches))
     if n > len(touches):
-        rows = best.coordinates.rows(touches.expected_rows(offered.cell))
+        rows = best.coordinates.rows(touches.expected_rows(candidate_set.cell))
         S = best.measure.slope(best.coordinates.information(rows))
         gains = sensitivities(best.rows, S)
-        touches = touches.followed_by(offered.candidates.take(np.argsort(-gains, kind="stable")[:POOL]))
+        touches = touches.followed_by(candidate_set.candidates.take(np.argsort(-gains, kind="stable")[:POOL]))
     search = _over_robots(best, touches, members)
     while len(members) > n:
         members = np.delete(members, np.argmin(search.swaps.losses(members)))
@@ -263,11 +271,11 @@ def _over_robots(best: Best, touches: Candidates, start: Int[np.ndarray, " some"
     """Sets of some touches, judged by robots drawn from what is known, and by the average robot beside them."""
     coordinates, rules = best.coordinates, Rules(len(touches), position=_places(touches), distance=1.0)
     met = touches.hits.outcomes(touches.face, touches.q, touches.hits.robots(ROBOTS)) == Outcome.MEETS
-    rows = coordinates.rows(touches.expected_rows(best.offered.cell, SURELY - 1))
+    rows = coordinates.rows(touches.expected_rows(best.candidate_set.cell, SURELY - 1))
     few = met[:, start].sum(axis=1).min() <= len(coordinates)  # single precision would lose what they tell
     precision = np.float64 if few else np.float32
     swaps = [swaps_of(best.measure, rows * hit[:, None], coordinates.precision, None, precision) for hit in met]
-    mean = coordinates.rows(touches.expected_rows(best.offered.cell))
+    mean = coordinates.rows(touches.expected_rows(best.candidate_set.cell))
     average = swaps_of(best.measure, mean, coordinates.precision, None, precision)
     return Pool(RobustSwaps([*swaps, average], [*np.ones(ROBOTS), AVERAGE * ROBOTS]), rules, best.n)
 

@@ -64,19 +64,21 @@ def plan_workpiece(
     if n < FEWEST:
         raise InputError(f"{n} touches cannot locate a workpiece, which has 6 freedoms; plan at least {FEWEST}")
     placed = with_workpiece(cell, workpiece, at, after)
-    offered = around(workpiece_prior(placed, after), rng, count)
-    if n > len(offered.candidates):
-        raise InputError(f"{n} touches are asked for, and only {len(offered.candidates)} were found that can be made")
-    corners = corner_rows(offered.prior, after)
-    touches, order = best_in_order(offered, n, "V", rng, corners)
+    candidate_set = around(workpiece_prior(placed, after), rng, count)
+    if n > len(candidate_set.candidates):
+        raise InputError(
+            f"{n} touches are asked for, and only {len(candidate_set.candidates)} were found that can be made"
+        )
+    corners = corner_rows(candidate_set.prior, after)
+    touches, order = best_in_order(candidate_set, n, "V", rng, corners)
     return WorkpiecePlan(
         plan=with_via(plan_of(touches), order.via),
         cell=replace(placed, robot=cell.robot),
         faces=_faces(touches),
-        promise=offered.promise_of(corners, touches),
-        curve=_curve(offered, corners),
+        promise=candidate_set.promise_of(corners, touches),
+        curve=_curve(candidate_set, corners),
         minutes=order.minutes,
-        notes=(*offered.candidates.notes, *(f"the way after touch {i + 1} is not clear" for i in order.blocked)),
+        notes=(*candidate_set.candidates.notes, *(f"the way after touch {i + 1} is not clear" for i in order.blocked)),
     )
 
 
@@ -91,15 +93,15 @@ def with_workpiece(
 
 
 def best_in_order(
-    offered: CandidateSet,
+    candidate_set: CandidateSet,
     n: int,
     criterion: str,
     rng: np.random.Generator,
     points: Float[np.ndarray, "points 3 unknowns"] | None = None,
 ) -> tuple[Candidates, Order]:
     """The best candidates by a criterion, for points that move by these rows, in an order in which they can be made."""
-    order = visited(offered, Best(offered, n, criterion, points), rng).order
-    return offered.candidates.take(order.index), order
+    order = visited(candidate_set, Best(candidate_set, n, criterion, points), rng).order
+    return candidate_set.candidates.take(order.index), order
 
 
 def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
@@ -169,14 +171,14 @@ def corner_rows(prior: Information, after: Calibration | None) -> Float[np.ndarr
 
 
 def _curve(
-    offered: CandidateSet, corners: Float[np.ndarray, "corners 3 unknowns"]
+    candidate_set: CandidateSet, corners: Float[np.ndarray, "corners 3 unknowns"]
 ) -> tuple[tuple[int, dict[str, int], float], ...]:
     """What other numbers of touches would give, whether or not they can be visited one after the other."""
-    out, everything = [], np.ones(len(offered.candidates), dtype=bool)
+    out, everything = [], np.ones(len(candidate_set.candidates), dtype=bool)
     for n in CURVE:
-        if n <= len(offered.candidates):
-            touches = offered.candidates.take(Best(offered, n, "V", corners)(everything, None))
-            out.append((n, _faces(touches), offered.promise_of(corners, touches).p95_mm))
+        if n <= len(candidate_set.candidates):
+            touches = candidate_set.candidates.take(Best(candidate_set, n, "V", corners)(everything, None))
+            out.append((n, _faces(touches), candidate_set.promise_of(corners, touches).p95_mm))
     return tuple(out)
 
 

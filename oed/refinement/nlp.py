@@ -87,8 +87,8 @@ class Program:
         basis = ca.sparsify(ca.DM(self.coordinates.basis[: len(unknowns.parameters)]))
         f = basis.T @ own / self.p[12] + self.p[14:]
         place = [ca.dot(tip - origin, side) / ca.dot(side, side) for side in (u, v)]
-        held = self._held(tip, R, *self._pose(above, theta), self.cell.touch.approach * n)
-        g = ca.vertcat(height, *place, -lean, *held, above + self.p[13] * (q - above))
+        straight = self._held(tip, R, *self._pose(above, theta), self.cell.touch.approach * n)
+        g = ca.vertcat(height, *place, -lean, *straight, above + self.p[13] * (q - above))
         at = ca.SX(self.coordinates.theta)
         return ca.substitute(f, theta, at), ca.substitute(g, theta, at)
 
@@ -137,13 +137,16 @@ class Program:
         low, high = np.maximum(lower, touches.q - far), np.minimum(upper, touches.q + far)
         inset = self.margins.inset[touches.face] / np.stack([f.size for f in faces])
         zero, lean = np.zeros((m, 1)), np.full((m, 1), np.cos(cell.touch.max_tilt - HAIR))
-        held = np.zeros((m, self.constraints.shape[0] - 4 - lower.shape[1]))
+        straight = np.zeros((m, self.constraints.shape[0] - 4 - lower.shape[1]))
         return Numbers(
             x=np.hstack([touches.q, touches.approach]),
             p=p,
             x_limits=np.stack([np.hstack([low, lower]), np.hstack([high, upper])]),
             g_limits=np.stack(
-                [np.hstack([zero, inset, lean, held, lower]), np.hstack([zero, 1 - inset, zero + 1, held, upper])]
+                [
+                    np.hstack([zero, inset, lean, straight, lower]),
+                    np.hstack([zero, 1 - inset, zero + 1, straight, upper]),
+                ]
             ),
         )
 

@@ -236,5 +236,5 @@ class Grbl:
         """Write the target without a motion, and see whether GRBL has it."""
         lines = self.link.told(offset(target, f"S{self.link.speed}") + "\n$#\n$G")
         tools = [match[2] for line in lines if (match := OFFSETS.fullmatch(line)) and match[1] == "TLO"]
-        known = len(tools) == 1 and np.array_equal(numbers(tools[0]), np.round(target, 3) + 0.0)
-        return known and {"G21", "G91", "G93"} <= set(read_modes(lines))
+        same_tool = len(tools) == 1 and np.array_equal(numbers(tools[0]), np.round(target, 3) + 0.0)
+        return same_tool and {"G21", "G91", "G93"} <= set(read_modes(lines))

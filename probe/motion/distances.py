@@ -126,13 +126,13 @@ def near_boxes(
 ) -> tuple[Int[np.ndarray, " near"], Int[np.ndarray, " near"], Int[np.ndarray, " near"]]:
     """Segment, box and posture of all that come nearer to each other than `need` [mm], which is not negative."""
     shape = start.shape[1], lower.shape[1], start.shape[2]
-    need, found = np.broadcast_to(need, shape), []
+    need, parts = np.broadcast_to(need, shape), []
     for part in slices(shape[2], max(CHUNK // max(shape[0] * shape[1], 1), 64)):
         least = need[:, :, part]
         bound = segment_box_bound(start[:, :, part], end[:, :, part], lower, upper)
         i, k, m = np.nonzero(bound < least * least)
-        found.append((i, k, m + part.start))
-    i, k, m = (np.concatenate(some) for some in zip(*found, strict=True)) if found else np.empty((3, 0), dtype=int)
+        parts.append((i, k, m + part.start))
+    i, k, m = (np.concatenate(some) for some in zip(*parts, strict=True)) if parts else np.empty((3, 0), dtype=int)
     if not len(i):
         return i, k, m
     least = need[i, k, m]

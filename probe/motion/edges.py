@@ -83,11 +83,11 @@ class Edges:
         step: float = FINE,
     ) -> Bool[np.ndarray, " ways"]:
         """Which ways between two of some postures are clear; each is looked at once."""
-        name, seen = [row.tobytes() for row in q], self._seen[step]
+        name, memory = [row.tobytes() for row in q], self._seen[step]
         pairs = [frozenset((name[i], name[j])) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
-        new = np.array([k for k, pair in enumerate(pairs) if pair not in seen], dtype=int)
-        seen.update(zip((pairs[k] for k in new), self.clear(q[a[new]], q[b[new]], step).tolist(), strict=True))
-        return np.array([seen[pair] for pair in pairs], dtype=bool)
+        new = np.array([k for k, pair in enumerate(pairs) if pair not in memory], dtype=int)
+        memory.update(zip((pairs[k] for k in new), self.clear(q[a[new]], q[b[new]], step).tolist(), strict=True))
+        return np.array([memory[pair] for pair in pairs], dtype=bool)
 
     @cached_property
     def _seen(self) -> dict[float, dict[frozenset[bytes], bool]]:

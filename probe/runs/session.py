@@ -213,8 +213,8 @@ class Session:
         if kind in ("result", "rejected") or (kind == "intent" and record["do"] != "retract"):
             do = record["do"] if kind == "intent" else ""
             self.search, self.contact = (self.intent if do == "search" else None), None
-            begun = do in ("search", "fast")
-            self.evidence = {k: v for k, v in self.evidence.items() if begun and k == APPROACH}
+            searching = do in ("search", "fast")
+            self.evidence = {k: v for k, v in self.evidence.items() if searching and k == APPROACH}
 
     def _repair(self) -> None:
         """Make touches.csv what the journal says it is, and adopt whole rows that only touches.csv knows."""

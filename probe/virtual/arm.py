@@ -90,8 +90,8 @@ class Arm:
         self.off = self.noise * self.rng.standard_normal(len(self.noise))
 
     def _paths(self, start: np.ndarray, end: np.ndarray) -> Paths:
-        start, end, held = ((q + self.off)[None] for q in (start, end, self.geared))
-        return Paths(start, end, self.theta, held, self.play)
+        start, end, geared = ((q + self.off)[None] for q in (start, end, self.geared))
+        return Paths(start, end, self.theta, geared, self.play)
 
     def follow(self, start: Float[np.ndarray, " joints"], end: Float[np.ndarray, " joints"]) -> Trip:
         """The path of the arm when the encoders go straight from `start` to `end`."""
@@ -157,8 +157,10 @@ class Arm:
 
     def _touching(self, paths: Paths, fraction: np.ndarray) -> np.ndarray:
         count = len(fraction)
-        start, end, held = (np.repeat(a, count, axis=0) for a in (paths.start, paths.end, paths.held) if a is not None)
-        many = Paths(start, end, paths.theta, held, paths.play)
+        start, end, geared = (
+            np.repeat(a, count, axis=0) for a in (paths.start, paths.end, paths.held) if a is not None
+        )
+        many = Paths(start, end, paths.theta, geared, paths.play)
         return touching(self.kinematics, self.surface, many, fraction, np.full(count, self.shift))
 
     def obstruct(self, trip: Trip, fraction: float) -> Trip:

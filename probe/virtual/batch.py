@@ -74,13 +74,13 @@ def _true_paths(cell: Cell, truth: Truth, start: np.ndarray, end: np.ndarray, rn
     noise = joint_spread(cell, truth.effects.joint_noise)
     play = joint_spread(cell, truth.effects.backlash) / 2
     off = noise * rng.standard_normal(start.shape) if noise.any() else np.zeros_like(start)
-    held = start + off - np.sign(end - start) * play if play.any() else None
+    geared = start + off - np.sign(end - start) * play if play.any() else None
     changes = np.unique([touch for touch, _ in truth.effects.wire])
     if truth.effects.warming:
         changes = np.arange(1, len(start))
     stage = np.searchsorted(changes, np.arange(len(start)), side="right")
     theta = np.array([truth.after(0), *(truth.after(int(touch)) for touch in changes)])[stage]
-    return Paths(start + off, end + off, theta, held, play)
+    return Paths(start + off, end + off, theta, geared, play)
 
 
 def _late(

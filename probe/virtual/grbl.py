@@ -97,11 +97,11 @@ class GrblController(GrblState):
         """Ctrl-X: a motion is cut off, and the position with it as far as GRBL knows."""
         moving, alarm = self.robot.moving, self.alarm
         self.robot.halt("STOPPED", "reset")
-        probed, kept = (self.probed, self.success), (self.tool, self.offset)
+        probed, offsets = (self.probed, self.success), (self.tool, self.offset)
         self._start()
         self.probed, self.success = probed
         if "soft-reset" in self.quirks:
-            self.tool, self.offset = kept
+            self.tool, self.offset = offsets
         if moving or alarm:
             self.alarm = 3 if moving else 1
         locked = [b"[MSG:'$H'|'$X' to unlock]\r\n"] if self.alarm else []

@@ -230,23 +230,23 @@ class VirtualRobot:
 
     def _trip(self, motion: _Motion) -> None:
         """The controller sees the contact: a search latches, a move ends EARLY, both brake."""
-        seen, motion.tripped = motion.tripped, NEVER
+        signal, motion.tripped = motion.tripped, NEVER
         if motion.kind == SEARCH:
-            motion.latch = motion.at(seen)
-            self._remember(motion, seen, motion.latch)
+            motion.latch = motion.at(signal)
+            self._remember(motion, signal, motion.latch)
         if not motion.code:
             motion.code = CONTACT if motion.kind == SEARCH else "EARLY"
             motion.text = "" if motion.kind == SEARCH else "the wire touched on the way"
-        motion.profile = motion.profile.stopped(seen)
+        motion.profile = motion.profile.stopped(signal)
 
-    def _remember(self, motion: _Motion, seen: float, latch: Float[np.ndarray, " joints"]) -> None:
+    def _remember(self, motion: _Motion, signal: float, latch: Float[np.ndarray, " joints"]) -> None:
         """Write down where the wire truly touched, where it did."""
         met = motion.trip.contact(motion.profile)
-        if met is None or (time := motion.profile.time(met.enter)) > seen:
+        if met is None or (time := motion.profile.time(met.enter)) > signal:
             return
         q = motion.start + met.enter * (motion.target - motion.start) - self._zero
         arm, latch = motion.trip.arm(met.enter), latch - self._zero
-        self.touches.append(Truly(time, seen, met.surface, q, arm, latch, self.arm.theta, self.arm.shift))
+        self.touches.append(Truly(time, signal, met.surface, q, arm, latch, self.arm.theta, self.arm.shift))
         self.arm.count()
 
     def _finish(self, motion: _Motion, time: float) -> Outcome:

@@ -15,7 +15,7 @@ from identify.model.frames import inverse, pose, rotation, transform
 from identify.model.jig import Box, Face, Jig
 from oed.design.exact import exact_design
 from oed.design.relaxation import approximate_design
-from oed.planning.candidate_set import CandidateSet, candidate_set, plan_of
+from oed.planning.candidate_set import CandidateSet, make_candidate_set, plan_of
 from studies.common import arc_welder
 from studies.jigs.jig_shown import TOUCHES
 from studies.many import ManyTouches, Problem, draw_faces, draw_many, errors_in_zone, touch_every
@@ -53,7 +53,7 @@ def second_places(
 ) -> Iterator[Case]:
     """The first place alone, and with the second called `name`, known exactly or not."""
     cell, at = arc_welder(), _place(name)
-    here, there = (candidate_set(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.the_jig, at))))
+    here, there = (make_candidate_set(c, rng, count=count) for c in (cell, replace(cell, jig=put(cell.the_jig, at))))
     own, others = (one.rows_of(one.candidates) for one in (here, there))  # all of them meet: they are aimed
     tip, prior, pose_rows = here.prior.unknowns.tip_rows(zone), here.prior.R.T @ here.prior.R, _pose_rows(there, at)
     unknown = _joined(prior, np.eye(6))

@@ -35,27 +35,27 @@ def folder(name: str) -> Path:
     return Path(os.environ.get(DATA) or Path(__file__).parents[2] / "shared" / "data") / name
 
 
-def tracker(rng: np.random.Generator, measured: int) -> Question:
+def tracker(rng: np.random.Generator, count: int) -> Question:
     """The paper's robot, off by its tolerances, seen by a tracker at poses of the weld zone."""
     cell = replace(arc_welder(), wire=Wire(0.0, "point"))
-    truth, q = _robot(cell, measured, rng)
+    truth, q = _robot(cell, count, rng)
     tip = cell.kinematics.tip(q, truth)[0]
-    point = tip[:measured] + SIGMA * rng.standard_normal((measured, 3))
-    return Question(_told(cell, cell.theta, q, measured, SIGMA) | {"point": point}, tip[measured:])
+    point = tip[:count] + SIGMA * rng.standard_normal((count, 3))
+    return Question(_told(cell, cell.theta, q, count, SIGMA) | {"point": point}, tip[count:])
 
 
-def touches(rng: np.random.Generator, measured: int) -> Question:
+def touches(rng: np.random.Generator, count: int) -> Question:
     """The same robot touching planes across x, y and z in turn with its wire."""
     cell = arc_welder()
-    truth, q = _robot(cell, measured, rng)
-    normal, radius = np.eye(3)[np.arange(measured) % 3], np.full(measured, cell.wire.radius)
-    blank = Rows(q[:measured], normal, np.zeros(measured), radius, np.full(measured, SIGMA), (), np.arange(measured))
-    offset = measurement_model(cell.robot).residual(truth, blank) + SIGMA * rng.standard_normal(measured)
-    numbers = _told(cell, cell.theta, q, measured, SIGMA) | {"normal": normal, "offset": offset, "radius": radius}
-    return Question(numbers, cell.kinematics.tip(q[measured:], truth)[0])
+    truth, q = _robot(cell, count, rng)
+    normal, radius = np.eye(3)[np.arange(count) % 3], np.full(count, cell.wire.radius)
+    blank = Rows(q[:count], normal, np.zeros(count), radius, np.full(count, SIGMA), (), np.arange(count))
+    offset = measurement_model(cell.robot).residual(truth, blank) + SIGMA * rng.standard_normal(count)
+    numbers = _told(cell, cell.theta, q, count, SIGMA) | {"normal": normal, "offset": offset, "radius": radius}
+    return Question(numbers, cell.kinematics.tip(q[count:], truth)[0])
 
 
-def irb120(rng: np.random.Generator, measured: int) -> Question:
+def irb120(rng: np.random.Generator, count: int) -> Question:
     """The real IRB 120 at drawn poses, the others unseen; nobody knows where tracker and reflector are.
 
     All are told the base and the tool point that a linear fit of the nominal robot finds. Raises FileNotFoundError
@@ -66,21 +66,21 @@ def irb120(rng: np.random.Generator, measured: int) -> Question:
     q = np.radians(np.column_stack([columns[f"q{i}_deg"] for i in range(1, 7)])[order])
     point = np.column_stack([columns[name] for name in ("x_mm", "y_mm", "z_mm")])[order]
     cell = Cell(read_robot(library("robots")["irb120"]), None, base=None, tool=None, wire=Wire(0.0, "point"))
-    ids = tuple(map(str, range(measured)))
-    positions = Positions(ids, q[:measured], point[:measured], np.full(measured, REPEATABILITY))
+    ids = tuple(map(str, range(count)))
+    positions = Positions(ids, q[:count], point[:count], np.full(count, REPEATABILITY))
     start = starting_point(cell, rows(cell.wire, [positions]))
-    return Question(_told(cell, start, q, measured, REPEATABILITY) | {"point": positions.point}, point[measured:])
+    return Question(_told(cell, start, q, count, REPEATABILITY) | {"point": positions.point}, point[count:])
 
 
 QUESTIONS = {"tracker": tracker, "irb120": irb120, "touches": touches}
 
 
-def _robot(cell: Cell, measured: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _robot(cell: Cell, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """A robot drawn from the tolerances, and poses of the zone: measured ones, then unseen ones."""
-    return draw_many(cell, 1, rng)[0], zone_poses(cell, poses=measured + UNSEEN, rng=rng)
+    return draw_many(cell, 1, rng)[0], zone_poses(cell, poses=count + UNSEEN, rng=rng)
 
 
-def _told(cell: Cell, start: np.ndarray, q: np.ndarray, measured: int, sigma: float) -> dict[str, np.ndarray]:
+def _told(cell: Cell, start: np.ndarray, q: np.ndarray, count: int, sigma: float) -> dict[str, np.ndarray]:
     return {
         "base": start[:6],
         "dh": start[6:-6].reshape(-1, 5),
@@ -88,8 +88,8 @@ def _told(cell: Cell, start: np.ndarray, q: np.ndarray, measured: int, sigma: fl
         "prior": cell.prior,
         "scale": cell.scale,
         "sigma": np.array(sigma),
-        "q": q[:measured],
-        "q_unseen": q[measured:],
+        "q": q[:count],
+        "q_unseen": q[count:],
     }
 
 

@@ -41,30 +41,30 @@ FAULTS = {
 def spoiled(
     fault: Fault,
     cell: Cell,
-    planned: Plan,
+    plan: Plan,
     theta: Float[np.ndarray, " parameters"],
     off: Mapping[str, float],
     rng: np.random.Generator,
 ) -> tuple[Touches, dict[str, str]]:
     """Touches with a fault, and the true faces of those that bear a wrong name, by id."""
-    some = rng.permutation(len(planned)) < fault.gross * len(planned)
-    early = rng.uniform(*GROSS, len(planned)) * rng.choice([-1.0, 1.0], len(planned)) * some
-    made = touched(cell, planned, theta, off, rng, early)
-    wrong = rng.choice(len(made), fault.names, replace=False)
-    face, normal, offset = list(made.face), made.normal.copy(), made.offset.copy()
+    some = rng.permutation(len(plan)) < fault.gross * len(plan)
+    early = rng.uniform(*GROSS, len(plan)) * rng.choice([-1.0, 1.0], len(plan)) * some
+    touches = touched(cell, plan, theta, off, rng, early)
+    wrong = rng.choice(len(touches), fault.names, replace=False)
+    face, normal, offset = list(touches.face), touches.normal.copy(), touches.offset.copy()
     for i in wrong:
-        other = rng.choice([name for name in cell.the_jig.by_name if name != made.face[i]])
+        other = rng.choice([name for name in cell.the_jig.by_name if name != touches.face[i]])
         face[i], normal[i], offset[i] = other, cell.the_jig.by_name[other].normal, cell.the_jig.by_name[other].offset
-    truth = {made.ids[i]: made.face[i] for i in wrong}
-    return replace(made, face=tuple(map(str, face)), normal=normal, offset=offset), truth
+    truth = {touches.ids[i]: touches.face[i] for i in wrong}
+    return replace(touches, face=tuple(map(str, face)), normal=normal, offset=offset), truth
 
 
 def naming(calibration: Calibration, truth: Mapping[str, str]) -> dict[str, float]:
     """NAMING: wrong names, those found, those with their right name, sound touches accused; a jig that is named."""
-    said = {f.ids[0]: f.text for f in calibration.findings if f.kind == "wrong face"}
+    sentences = {f.ids[0]: f.text for f in calibration.findings if f.kind == "wrong face"}
     doubtful = {name for f in calibration.findings if f.kind == "edge" for name in f.ids}
-    found = {name for name in truth if name in said or name in calibration.outliers or name in doubtful}
-    proposed = sum(f"lies on '{face}'" in said.get(name, "") for name, face in truth.items())
+    hits = {name for name in truth if name in sentences or name in calibration.outliers or name in doubtful}
+    proposed = sum(f"lies on '{face}'" in sentences.get(name, "") for name, face in truth.items())
     jig = any(f.kind == "jig" for f in calibration.findings)
-    counts = len(truth), len(found), proposed, len(said.keys() - truth.keys()), jig
+    counts = len(truth), len(hits), proposed, len(sentences.keys() - truth.keys()), jig
     return dict(zip(NAMING, map(float, counts), strict=True))

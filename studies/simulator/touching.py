@@ -15,7 +15,7 @@ HALVINGS = 30
 
 def touched(
     cell: Cell,
-    planned: Plan,
+    plan: Plan,
     theta: Float[np.ndarray, " parameters"],
     off: Mapping[str, float],
     rng: np.random.Generator,
@@ -25,13 +25,13 @@ def touched(
 
     `early` [mm] is the distance before its face at which each search ends, below 0 beyond the face.
     """
-    faces = [cell.the_jig.by_name[name] for name in planned.face]
+    faces = [cell.the_jig.by_name[name] for name in plan.face]
     normal, offset = np.stack([f.normal for f in faces]), np.array([f.offset for f in faces])
-    plane = offset + [off[name] for name in planned.face] + early
+    plane = offset + [off[name] for name in plan.face] + early
     plane = plane + cell.touch.sigma * rng.standard_normal(len(faces))
 
     def gap(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        p, R = tips(cell.robot, planned.approach + s[:, None] * (planned.q - planned.approach), theta)
+        p, R = tips(cell.robot, plan.approach + s[:, None] * (plan.q - plan.approach), theta)
         lean = (R[:, :, 2] * normal).sum(axis=1)
         extent = cell.wire.ball + cell.wire.flat * np.sqrt(np.maximum(1 - lean**2, 0.0))
         return (p * normal).sum(axis=1) - extent - plane, p
@@ -46,10 +46,10 @@ def touched(
         low, high = np.where(inside, low, middle), np.where(inside, middle, high)
     at = np.array([face.fractions(p) for face, p in zip(faces, gap(high)[1], strict=True)])
     met = np.flatnonzero(crosses.any(axis=0) & ((at > 0) & (at < 1)).all(axis=1))
-    blank, q = ("",) * len(faces), planned.approach + high[:, None] * (planned.q - planned.approach)
+    blank, q = ("",) * len(faces), plan.approach + high[:, None] * (plan.q - plan.approach)
     return Touches(
-        planned.ids,
-        planned.face,
+        plan.ids,
+        plan.face,
         q,
         normal,
         offset,
@@ -58,7 +58,7 @@ def touched(
         np.full(len(faces), np.nan),
         blank,
         blank,
-        planned.approach,
+        plan.approach,
     ).take(met)
 
 

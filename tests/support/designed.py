@@ -4,7 +4,7 @@ import numpy as np
 
 from oed import exact_design
 from oed.criteria.criteria import CRITERIA, score
-from oed.planning.candidate_set import candidate_set
+from oed.planning.candidate_set import make_candidate_set
 from oed.refinement.coordinate import Refinement, refine
 
 TOUCHES = 50
@@ -12,7 +12,7 @@ TOUCHES = 50
 
 def scattered(cell, count, iterations=None):
     """D-value of the best touches among `count` random ones."""
-    offered = candidate_set(cell, np.random.default_rng(0), count=count, structured=False)
+    offered = make_candidate_set(cell, np.random.default_rng(0), count=count, structured=False)
     rows = offered.rows @ offered.identifiable.basis
     chosen = exact_design(rows, TOUCHES, prior=offered.identifiable.precision, iterations=iterations)
     return volume(offered, rows[chosen.indices])
@@ -20,7 +20,7 @@ def scattered(cell, count, iterations=None):
 
 def refined(cell, count, iterations=None):
     """D-value of the best touches among `count` structured ones, moved to where they tell more."""
-    offered = candidate_set(cell, np.random.default_rng(0), count=count)
+    offered = make_candidate_set(cell, np.random.default_rng(0), count=count)
     rows = offered.rows @ offered.identifiable.basis
     chosen = exact_design(rows, TOUCHES, prior=offered.identifiable.precision, iterations=iterations)
     touches = offered.candidates.take(chosen.indices)

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 
 from identify.model.io.description import library, read_cell
-from oed.planning.candidate_set import CandidateSet, candidate_set
+from oed.planning.candidate_set import CandidateSet, make_candidate_set
 
 
 @cache
 def few(count: int = 300) -> CandidateSet:
     """Candidates of the library's cell, made once a process."""
-    return candidate_set(read_cell(library("cells")["arc-welder"]), np.random.default_rng(4), count=count)
+    return make_candidate_set(read_cell(library("cells")["arc-welder"]), np.random.default_rng(4), count=count)

@@ -138,23 +138,23 @@ def _names(sheet: Sheet, column: str, of_cell: Mapping[str, object]) -> tuple[st
 def _with_conditions(table: Measurements, sheet: Sheet, cell: Cell) -> Measurements:
     """A table and how its rows were measured: stand, tool, temperature and payload, where the file has columns."""
     part = rows_of(sheet, np.isin(sheet.text("id"), table.ids))  # touches that missed are not in the table
-    found: dict[str, Any] = {"placement": _names(part, "placement", cell.placements)}
-    found["tool"] = _names(part, "tool", cell.tools)
+    columns: dict[str, Any] = {"placement": _names(part, "placement", cell.placements)}
+    columns["tool"] = _names(part, "tool", cell.tools)
     for field, column in {"temperature": "temperature_c", "payload": "payload_kg"}.items():
         if column in sheet.columns and getattr(table, field) is None:
-            found[field] = part.numbers(column, NAN)
-    return replace(table, **found)
+            columns[field] = part.numbers(column, NAN)
+    return replace(table, **columns)
 
 
 def _check_payload(sheet: Sheet, cell: Cell) -> None:
     """Payloads are no less than nothing; where they differ, the cell says what the robot carries and where."""
     payload = sheet.numbers("payload_kg", NAN) if "payload_kg" in sheet.columns else np.empty(0)
-    given = payload[~np.isnan(payload)]
+    masses = payload[~np.isnan(payload)]
     for row in np.flatnonzero(payload < 0).tolist():
         sheet.wrong(row, f"payload_kg is {payload[row]:g}, expected the mass at the flange, 0 or more")
-    for row in np.flatnonzero(np.abs(payload - given[:1]) > 1e-9).tolist() if cell.robot.payload is None else ():
-        text = f"payload_kg is {payload[row]:g}, other than {given[0]:g}, and nothing says where it hangs"
-        sheet.wrong(row, f"{text}; write payload: {{mass_kg: {given[0]:g}, centre_mm: [x, y, z]}} into cell.yaml")
+    for row in np.flatnonzero(np.abs(payload - masses[:1]) > 1e-9).tolist() if cell.robot.payload is None else ():
+        text = f"payload_kg is {payload[row]:g}, other than {masses[0]:g}, and nothing says where it hangs"
+        sheet.wrong(row, f"{text}; write payload: {{mass_kg: {masses[0]:g}, centre_mm: [x, y, z]}} into cell.yaml")
 
 
 READERS: dict[str, Callable[[Sheet, Cell, bool], Measurements]] = {

@@ -15,7 +15,7 @@ from identify.model.measurement import rows
 from identify.model.zone import zone_poses
 from identify.uncertainty.unknowns import Unknowns
 from oed.criteria.criteria import CRITERIA
-from oed.planning.candidate_set import candidate_set
+from oed.planning.candidate_set import make_candidate_set
 from oed.planning.plan import plan, summary
 from oed.planning.strategies import STRATEGIES
 from oed.planning.visitable import Best, linked, measured
@@ -56,7 +56,7 @@ def result(request, results):
 
 @pytest.fixture(scope="module")
 def offered(arc_welder):
-    return candidate_set(arc_welder, np.random.default_rng(3), count=OFFER)
+    return make_candidate_set(arc_welder, np.random.default_rng(3), count=OFFER)
 
 
 def test_a_plan_touches_the_planes_of_its_faces(arc_welder, result):

@@ -5,7 +5,7 @@ import pytest
 from own_criterion import Compromise
 
 from oed.criteria.criteria import CRITERIA
-from oed.planning.candidate_set import candidate_set
+from oed.planning.candidate_set import make_candidate_set
 from oed.planning.visitable import Best
 from oed.refinement.coordinate import Refinement, refine
 
@@ -15,7 +15,7 @@ OWN = Compromise("own", 1.0, "rotation", "of these tests", (CRITERIA["D"], CRITE
 
 @pytest.fixture(scope="package")
 def offered(arc_welder):
-    return candidate_set(arc_welder, np.random.default_rng(5), count=2000)
+    return make_candidate_set(arc_welder, np.random.default_rng(5), count=2000)
 
 
 @pytest.fixture(scope="package", params=["D", "V", "E", "G", OWN], ids=["D", "V", "E", "G", "own"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identify.estimation.selection import with_errors
-from oed.planning.candidate_set import candidate_set
+from oed.planning.candidate_set import make_candidate_set
 from oed.planning.visitable import Best
 from oed.refinement.coordinate import Refinement
 
@@ -14,7 +14,7 @@ STEP = 1e-6
 @pytest.fixture(scope="module")
 def touches(arc_welder):
     """A few touches, and their program."""
-    offered = candidate_set(arc_welder, np.random.default_rng(5), count=200)
+    offered = make_candidate_set(arc_welder, np.random.default_rng(5), count=200)
     refinement = Refinement(Best(offered, 20, "V").coordinates, offered.feasibility)
     few = offered.candidates.take(np.arange(0, len(offered.candidates), 40))
     return few, refinement, refinement.program.numbers(few)
@@ -31,7 +31,7 @@ def test_rows_are_those_of_the_measurement_model(touches, arc_welder):
 def test_rows_know_from_which_side_each_joint_comes(arc_welder):
     """A touch moves every joint a little: with backlash the sides of all six make its row."""
     loose = with_errors(arc_welder, ("backlash", "thermal", "compliance"))
-    offered = candidate_set(loose, np.random.default_rng(5), count=200)
+    offered = make_candidate_set(loose, np.random.default_rng(5), count=200)
     few = offered.candidates.take(np.arange(0, len(offered.candidates), 40))
     refinement = Refinement(Best(offered, 20, "V").coordinates, offered.feasibility)
     at = refinement.program.numbers(few)
