@@ -38,6 +38,7 @@ ABB_TOOL = re.compile(rf"\btooldata\s+(\w+)\s*:=\s*\[\s*TRUE\s*,\s*{ABB_POSE}", 
 ABB_FRAME = re.compile(
     rf"\bwobjdata\s+(\w+)\s*:=\s*\[\s*FALSE\s*,\s*TRUE\s*,\s*\"\"\s*,\s*{ABB_POSE}\s*,\s*{ABB_POSE}", re.IGNORECASE
 )
+ABB_COMMENT = re.compile(r'("[^"\n]*")|![^\n]*')  # a text keeps its exclamation mark
 SIX = rf"({NUMBER})" + rf"\s*,\s*({NUMBER})" * 5
 YASKAWA_TOOL = re.compile(rf"^//TOOL\s+(\d+)\s*$(?:(?!^//TOOL)[^\n]*\n)*?^\s*{SIX}\s*$", re.MULTILINE)
 YASKAWA_FRAME = re.compile(rf"^//UFRAME\s+(\d+)\s*$(?:(?!^//UFRAME)[^\n]*\n)*?^/*BUSER\s*=?\s*{SIX}", re.MULTILINE)
@@ -83,6 +84,7 @@ def _yaskawa(text: str) -> Iterator[Frames]:
 
 
 def _abb(text: str) -> Iterator[Frames]:
+    text = ABB_COMMENT.sub(lambda match: match[1] or "", text)
     for match in ABB_TOOL.finditer(text):
         yield "tool", match[1], _quaternion_pose([float(v) for v in match.groups()[1:]])
     for match in ABB_FRAME.finditer(text):

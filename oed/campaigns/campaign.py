@@ -249,20 +249,24 @@ class _Loop:
             return
         goal = self.target if floor < 0.97 * self.target else 1.1 * floor
         if self.promised <= goal:
-            self.why = f"more touches do not help: {self._reason(floor)}"
+            self.why = f"more touches do not help: {self._reason(floor)}{self._cure()}"
         elif remaining < 1:
-            self.why = f"all {self.most} touches are used up: {self._reason(floor)}{self._advice()}"
+            self.why = f"all {self.most} touches are used up: {self._reason(floor)}{self._advice()}{self._cure()}"
         else:
             more = (self.more.times(goal) - 1) * len(self.met)
             gain = 1 - self.more.promised(1 + 10 / len(self.met)) / self.promised
             if gain < WORTH and more > remaining:
-                self.why = f"more touches hardly help: {self._reason(floor)}"
+                self.why = f"more touches hardly help: {self._reason(floor)}{self._advice()}{self._cure()}"
             self.wanted = int(np.clip(np.ceil(more if more < BATCH / 2 else 0.7 * more), LEAST, self.batch))
 
     def _advice(self) -> str:
         """How many touches would do, where some would."""
         most = self.more.times(self.target) * self.tried
         return f"; about {10 * np.ceil(most / 10):.0f} touches reach {self.target:g} mm" if np.isfinite(most) else ""
+
+    def _cure(self) -> str:
+        """The face that would help most, where the account of what is known names one."""
+        return f". {self.more.limit} That may be a larger jig, or a second one there"
 
     def _reason(self, floor: float) -> str:
         """What keeps the error up, in words."""

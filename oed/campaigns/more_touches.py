@@ -13,6 +13,7 @@ from identify.model.zone import zone_poses
 from identify.uncertainty.information import Information
 from identify.uncertainty.posterior import posterior
 from identify.uncertainty.promise import TipErrors, promise
+from identify.uncertainty.weak_directions import limiting
 
 OFTEN = (1.0, 2.0, 4.0, 8.0, 16.0, 64.0, 256.0, 4096.0)  # times that the touches may be made
 HALVINGS = 6  # of the step between two of them
@@ -45,6 +46,12 @@ class MoreTouches:
             middle = (low + high) / 2
             low, high = (middle, high) if self.promised(middle) > target else (low, middle)
         return float(high)
+
+    @property
+    def limit(self) -> str:
+        """What most of the remaining tip error comes from, and the face that would show it."""
+        zone = zone_poses(self.calibration.cell, self.calibration.theta)
+        return limiting(self._prior.updated(self._rows), zone)
 
     def _stated(self, times: float) -> float:
         """By priors and scatter as they are stated."""

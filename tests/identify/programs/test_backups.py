@@ -48,6 +48,8 @@ MODULE user (SYSMODULE)
     [2.5,[0,0,100],[1,0,0,0],0,0,0]];
   PERS wobjdata wJig:=[FALSE,TRUE,"",[[800.5,-120.25,-0.75],[0.707106781,0,0,0.707106781]],
     [[10,0,0],[1,0,0,0]]];
+  !PERS wobjdata wJig:=[FALSE,TRUE,"",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]; ! as it stood before
+  CONST string sHint:="! Check"; PERS tooldata tHeld:=[FALSE,[[1,2,3],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]]; !PERS
   TASK PERS wobjdata wMoved:=[FALSE,FALSE,"STN1",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
 ENDMODULE
 """

@@ -1,11 +1,15 @@
 """More touches like those that were made promise more, down to what faces and posts leave, and times tell how many."""
 
+import re
+
 import numpy as np
 import pytest
 from identified import identified
 from measured import poses_over_jig, touches_at
 
+from identify.model.zone import zone_poses
 from identify.uncertainty.posterior import zone_promise
+from identify.uncertainty.promise import TipErrors, promise
 from oed.campaigns.more_touches import MoreTouches
 
 
@@ -43,3 +47,20 @@ def test_a_target_below_the_floor_takes_endless_touches(more):
 
 def test_a_target_that_is_met_takes_no_more(more):
     assert more.times(1.1 * more.now) <= 1.0
+
+
+def test_what_limits_the_tip_error_is_less_of_it_once_the_face_that_is_named_was_touched(more):
+    axis, *place = re.search(r"along ([xyz]), near \((.*), (.*), (.*)\)", more.limit).groups()
+
+    zone = zone_poses(more.calibration.cell, more.calibration.theta)
+    tips = more.calibration.cell.kinematics.tip(zone, more.calibration.theta)[0]
+    q = zone[np.argmin(np.linalg.norm(tips - np.array(place, float), axis=1))]
+    after = more._prior.updated(more._rows)
+    tip = more._prior.unknowns.tip_rows(zone, more.calibration.theta)
+    gain = [
+        promise(TipErrors(after.updated(row[None] / 0.05).root(tip))).p95_mm
+        for row in more._prior.unknowns.tip_rows(q[None], more.calibration.theta)[0]
+    ]
+
+    assert "xyz"[int(np.argmin(gain))] == axis
+    assert min(gain) < 0.95 * more._stated(1.0)
