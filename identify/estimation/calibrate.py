@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from threadpoolctl import threadpool_limits
 
 from identify.estimation.all_joint_errors import JointErrors, with_joint_errors
 from identify.estimation.changes import Change, with_changes
@@ -64,37 +65,38 @@ def calibrate(
     tables = tuple(table.measured() for table in tables)
     for table in tables:
         cell.robot.require_radians(table.q)
-    rng, cell = np.random.default_rng(0) if rng is None else rng, cell_with_errors(cell, errors)
-    whole = equations(cell, tables)
-    problem = Problem.pose(cell, whole, loss, priors, parameters == "identifiable")
-    choice: tuple[Term, ...] = ()
-    if errors == "auto" and parameters == "identifiable":
-        selection = select(problem, rng)
-        choice, cell = selection.terms, with_errors(cell, selection.errors)
-        problem = Problem.pose(cell, whole, loss, priors)
-        start = start if not selection.errors else None  # of another robot
-    result = estimate(problem, start)
-    if parameters == "all":
-        problem, result = survivor(problem, result, tables)
-    problem, result, changes = with_changes(problem, result, tables)
-    if parameters == "all":
-        problem, result = with_jig_as_it_is(problem, result)
-        problem, result = without_doubtful(problem, result, on_faces(tables))
-    if not problem.is_stationary(result.x, result.weight):
-        x = problem.theta(result.x)
-        problem = problem.complete()
-        result = estimate(problem, x, result.used)
-    problem.require_rank(result.x, result.weight, "at the solution")
-    require_scale(problem.unknowns, problem.unknown(result.x), problem.rows)
-    fit = _Fit(problem, result, choice)
-    if errors == "auto" and parameters == "all":
-        joint_errors = with_joint_errors(problem, result, rng)
-        full, last = joint_errors.problem(problem)
-        last = replace(last, iterations=result.iterations, seconds=result.seconds)
-        fit = _Fit(full, last, joint_errors.selection.terms, joint_errors)
-    held_out = fit.held_out(folds, rng)
-    wrong = labels(problem, result, whole) if parameters == "all" else ()
-    return _calibration(problem, fit, held_out, tables, whole, wrong, changes, inputs or {})
+    with threadpool_limits(1):  # several threads spin more than they compute on matrices of 200 columns
+        rng, cell = np.random.default_rng(0) if rng is None else rng, cell_with_errors(cell, errors)
+        whole = equations(cell, tables)
+        problem = Problem.pose(cell, whole, loss, priors, parameters == "identifiable")
+        choice: tuple[Term, ...] = ()
+        if errors == "auto" and parameters == "identifiable":
+            selection = select(problem, rng)
+            choice, cell = selection.terms, with_errors(cell, selection.errors)
+            problem = Problem.pose(cell, whole, loss, priors)
+            start = start if not selection.errors else None  # of another robot
+        result = estimate(problem, start)
+        if parameters == "all":
+            problem, result = survivor(problem, result, tables)
+        problem, result, changes = with_changes(problem, result, tables)
+        if parameters == "all":
+            problem, result = with_jig_as_it_is(problem, result)
+            problem, result = without_doubtful(problem, result, on_faces(tables))
+        if not problem.is_stationary(result.x, result.weight):
+            x = problem.theta(result.x)
+            problem = problem.complete()
+            result = estimate(problem, x, result.used)
+        problem.require_rank(result.x, result.weight, "at the solution")
+        require_scale(problem.unknowns, problem.unknown(result.x), problem.rows)
+        fit = _Fit(problem, result, choice)
+        if errors == "auto" and parameters == "all":
+            joint_errors = with_joint_errors(problem, result, rng)
+            full, last = joint_errors.problem(problem)
+            last = replace(last, iterations=result.iterations, seconds=result.seconds)
+            fit = _Fit(full, last, joint_errors.selection.terms, joint_errors)
+        held_out = fit.held_out(folds, rng)
+        wrong = labels(problem, result, whole) if parameters == "all" else ()
+        return _calibration(problem, fit, held_out, tables, whole, wrong, changes, inputs or {})
 
 
 @dataclass(frozen=True, eq=False)
