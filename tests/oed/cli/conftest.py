@@ -1,5 +1,7 @@
 """What tests of commands that use a calibration share."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from identified import JOB, Q, identified, poses_at
@@ -12,6 +14,7 @@ from identify.model.io.calibration_file import write_calibration
 from identify.model.io.description import library
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
 from identify.model.io.tables import plan_text, positions_text, touches_text
+from oed.planning import plan as planning
 
 
 @pytest.fixture
@@ -49,6 +52,12 @@ def folder(sheets, tmp_path, monkeypatch):
         (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def few_candidates(monkeypatch):
+    """Plans from fewer candidates than a user gets, where a test is not about the best plan."""
+    monkeypatch.setattr(planning, "plan", partial(planning.plan, count=1500))
 
 
 @pytest.fixture(scope="session")

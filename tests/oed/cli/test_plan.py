@@ -182,6 +182,7 @@ def cell_file(tmp_path):
     return write
 
 
+@pytest.mark.usefixtures("few_candidates")
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -201,6 +202,7 @@ def test_a_plan_that_cannot_be_is_refused_in_one_sentence(cell_file, tmp_path, t
     assert not (tmp_path / "plan.csv").exists()
 
 
+@pytest.mark.usefixtures("few_candidates")
 def test_fewer_touches_than_parameters_are_a_plan_that_says_what_it_does_not_show(cell_file, tmp_path, touchcal):
     code, _, err = touchcal("plan", "--cell", cell_file(), "-o", tmp_path / "plan.csv", "-n", 20)
     told = json.loads((tmp_path / "plan.json").read_text())

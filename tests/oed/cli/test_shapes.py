@@ -101,6 +101,7 @@ def test_without_the_extra_capsules_are_judged_and_one_sentence_says_so(project,
     assert out.count(SAYS) == 1
 
 
+@pytest.mark.usefixtures("few_candidates")
 def test_a_plan_says_what_is_not_kept_clear(project, touchcal):
     (project / "meshes" / "fore.stl").unlink()
 

@@ -55,6 +55,7 @@ def test_a_pipe_gets_lines_as_they_are(monkeypatch):
     assert out.getvalue() == 40 * "word " + "\n"
 
 
+@pytest.mark.usefixtures("few_candidates")
 def test_every_line_of_a_plan_fits(monkeypatch, touchcal, tmp_path):
     from identify.model.io.description import library
 
