@@ -52,14 +52,14 @@ from studies.engine import Table, column, distinct, where
 TARGET, ROUGH = 0.15, 0.6  # [mm]
 NUMBERS, FEWER = (100, 200, 400), (40,)  # touches of one shot
 MOST = 250  # touches of a campaign
-KNOWN = 0.2  # of the tolerances: a robot that takes few touches and short searches
+SMALL = 0.2  # of the tolerances: a robot that takes few touches and short searches
 ROBOTS, SHOT = 50, 10  # with campaigns, and how many of them with one shot, too
-SAID = {"campaign": "campaigns, a dot each", "optimal": "one shot, planned", "even": "one shot, even (medians)"}
+WAYS = {"campaign": "campaigns, a dot each", "optimal": "one shot, planned", "even": "one shot, even (medians)"}
 
 
 def tasks(small: bool) -> list[dict[str, Any]]:
     """One robot and way a task; for one shot, one number of touches."""
-    size = (KNOWN, ROUGH, FEW) if small else (1.0, TARGET, COUNT)
+    size = (SMALL, ROUGH, FEW) if small else (1.0, TARGET, COUNT)
     shared = dict(zip(("off", "target", "offered"), size, strict=True))
     ways, numbers = (("even",), FEWER) if small else (("optimal", "even"), NUMBERS)
     tasks = list[dict[str, Any]]()
@@ -213,7 +213,7 @@ def pictures(table: Table) -> dict[str, str]:
                 chart.line(touches, error, shade, dashed=name == "delivered")
             chart.dots(touches, error, shade, hints, 3.0 if name == "promised" else 1.6)
     chart.level(target, "target")
-    chart.legend([(shade, SAID[way]) for way, shade in shades.items()])
+    chart.legend([(shade, WAYS[way]) for way, shade in shades.items()])
     return {"campaign": picture(chart)}
 
 

@@ -43,7 +43,7 @@ POSES = 200
 SEARCHES = 48  # of an exact design
 THREE = ("top-low", "front-low", "right-low")
 REACH = np.array([250.0, 250.0, 150.0, np.pi, 0.7, 0.7])  # [mm, rad] of shift, turn and tilts, either way
-DRAWN, STEPS, STARTS = 10, 25, 3
+DRAWS, STEPS, STARTS = 10, 25, 3
 OUT_OF_REACH = 10.0  # [mm], for the search
 
 
@@ -140,7 +140,7 @@ def _placement(rng: np.random.Generator, name: str, count: int, robots: int, ste
         return value if np.isfinite(value) else OUT_OF_REACH
 
     present = error(np.zeros(6))
-    starts = rng.uniform(-1, 1, (min(DRAWN, steps), 6))
+    starts = rng.uniform(-1, 1, (min(DRAWS, steps), 6))
     best = starts[int(np.argmin([error(start) for start in starts]))]
     corners = np.vstack([best, best + 0.25 * np.diag(np.where(best > 0, -1.0, 1.0))])
     minimize(error, best, method="Nelder-Mead", options={"maxfev": steps, "initial_simplex": corners})

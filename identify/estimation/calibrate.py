@@ -173,7 +173,7 @@ def _calibration(
         start=_start(geometry, problem),
         estimated=tuple(unknowns.names[:count]),
         combinations={
-            name: {kept: c * unit[name] / unit[kept] for kept, c in terms.items()}
+            name: {carrier: c * unit[name] / unit[carrier] for carrier, c in terms.items()}
             for name, terms in combinations.items()
         },
         covariance=covariance[:count, :count],
@@ -257,10 +257,13 @@ def _worst(rows: Rows, residual: Float[np.ndarray, " rows"], these: Bool[np.ndar
 
 
 def _residuals(
-    rows: Rows, before: Float[np.ndarray, " rows"], after: Float[np.ndarray, " rows"], used: Bool[np.ndarray, " rows"]
+    rows: Rows,
+    before: Float[np.ndarray, " rows"],
+    after: Float[np.ndarray, " rows"],
+    inliers: Bool[np.ndarray, " rows"],
 ) -> dict[str, Residual]:
     """What every touch said before and after, in the order of the rows."""
     everywhere = np.ones(len(rows), dtype=bool)
     was, now = (_worst(rows, r, everywhere) for r in (before, after))
-    names = {rows.ids[owner] for owner in np.unique(rows.owner[used])}
+    names = {rows.ids[owner] for owner in np.unique(rows.owner[inliers])}
     return {name: Residual(was[name], now[name], name in names) for name in rows.ids}

@@ -111,16 +111,16 @@ class Case:
         """When each row was measured, counted."""
         return self.rows.owner
 
-    def residuals(self, used: Bool[np.ndarray, " rows"]) -> Residuals:
+    def residuals(self, inliers: Bool[np.ndarray, " rows"]) -> Residuals:
         """Residuals of a least squares fit to some rows, about the solution; rows not used count nothing."""
-        if used.tobytes() not in self._residuals:
-            self._residuals[used.tobytes()] = self._fitted(used)
-        return self._residuals[used.tobytes()]
+        if inliers.tobytes() not in self._residuals:
+            self._residuals[inliers.tobytes()] = self._fitted(inliers)
+        return self._residuals[inliers.tobytes()]
 
-    def _fitted(self, used: Bool[np.ndarray, " rows"]) -> Residuals:
+    def _fitted(self, inliers: Bool[np.ndarray, " rows"]) -> Residuals:
         problem = self.problem
         parts = [part for _, _, part in problem.linearized(self.estimate.x)]
-        r, weight = problem.residual(self.estimate.x), used / self.rows.sigma
+        r, weight = problem.residual(self.estimate.x), inliers / self.rows.sigma
         finite = np.flatnonzero(np.isfinite(problem.prior))
         m, n = len(r), len(problem.prior)
         A, b = np.zeros((m + len(finite), n)), np.empty(m + len(finite))
@@ -129,9 +129,9 @@ class Case:
         b[:m], b[m:] = r * weight, (self.estimate.x / problem.prior)[finite]
         Q, _ = np.linalg.qr(A / np.maximum(np.sqrt((A * A).sum(axis=0)), 1e-300))
         rest = b - Q @ (Q.T @ b)
-        freedom = np.count_nonzero(used) - float((Q[:m] ** 2).sum())  # of the measurements alone: priors may be wide
+        freedom = np.count_nonzero(inliers) - float((Q[:m] ** 2).sum())  # of the measurements alone: priors may be wide
         scatter = float(np.sqrt((CERTAIN + rest[:m] @ rest[:m]) / (CERTAIN + max(freedom, 0.0))))
-        degrees = CERTAIN + max(int(used.sum()) + len(finite) - n, 0)
+        degrees = CERTAIN + max(int(inliers.sum()) + len(finite) - n, 0)
         return Residuals(rest / scatter, Q, weight / scatter, CERTAIN / scatter**2, degrees)
 
     def many_left_out(self) -> bool:

@@ -31,7 +31,7 @@ class Estimate:
 def estimate(
     problem: Problem,
     start: Float[np.ndarray, " parameters"] | None = None,
-    used: Bool[np.ndarray, " rows"] | None = None,
+    inliers: Bool[np.ndarray, " rows"] | None = None,
 ) -> Estimate:
     """The estimate of a problem from a start, or from its own; raises CalibrationFailed if Ipopt does not converge.
 
@@ -39,7 +39,7 @@ def estimate(
     """
     fit = _Fit(problem)
     x = np.zeros(problem.size) if start is None else problem.coordinates(start)
-    return fit.estimate(x) if used is None else fit.grown(x, used)
+    return fit.estimate(x) if inliers is None else fit.grown(x, inliers)
 
 
 def cost(problem: Problem, fit: Estimate) -> float:
@@ -53,10 +53,10 @@ def limit(rows: int) -> float:
     return NormalDist().inv_cdf(1 - FALSE_ALARM / (2 * rows))
 
 
-def scatter(problem: Problem, found: Estimate) -> tuple[float, bool]:
+def scatter(problem: Problem, estimate: Estimate) -> tuple[float, bool]:
     """Scatter in units of sigma, and whether chance explains its distance from 1 (Wilson and Hilferty 1931)."""
     fit = _Fit(problem)
-    freedom, deviation = fit.freedom(found.x, found.weight), fit.deviation(found.x, found.used)
+    freedom, deviation = fit.freedom(estimate.x, estimate.weight), fit.deviation(estimate.x, estimate.used)
     if freedom < 1:
         return deviation, False
     normal = (deviation ** (2 / 3) - (1 - 2 / (9 * freedom))) / np.sqrt(2 / (9 * freedom))
@@ -73,46 +73,46 @@ class _Fit:
 
     def estimate(self, x: Float[np.ndarray, " size"]) -> Estimate:
         """Least squares on the rows that agree."""
-        problem, weight, used = self.problem, 1 / self.rows.sigma, self.rows.counted
+        problem, weight, inliers = self.problem, 1 / self.rows.sigma, self.rows.counted
         solutions, weighed = [self._first(x, weight)], weight
         near, unanimous = self.foreseen(solutions[-1].x, weight)
         for _ in range(0 if unanimous else ROUNDS):
-            scale = self._scale(solutions[-1].x, used)
+            scale = self._scale(solutions[-1].x, inliers)
             solutions.append(problem.solve(near, weight / scale, problem.loss))
             near = solutions[-1].x
-            agreeing = self._agreeing(solutions[-1].x, weight / self._scale(solutions[-1].x, used))
+            agreeing = self._agreeing(solutions[-1].x, weight / self._scale(solutions[-1].x, inliers))
             weighed = np.zeros_like(weight)  # by no plain fit
-            if np.array_equal(agreeing, used):
+            if np.array_equal(agreeing, inliers):
                 break
-            used = agreeing
-        return self._finished(solutions, used, weighed)
+            inliers = agreeing
+        return self._finished(solutions, inliers, weighed)
 
-    def grown(self, x: Float[np.ndarray, " size"], used: Bool[np.ndarray, " rows"]) -> Estimate:
+    def grown(self, x: Float[np.ndarray, " size"], inliers: Bool[np.ndarray, " rows"]) -> Estimate:
         """Least squares on rows that agree with each other, and on all that agree with these."""
         solutions, weight = list[Solution](), 1 / self.rows.sigma
         for _ in range(2 * ROUNDS):
-            solutions.append(self.problem.solve(x, weight * used, "linear"))
+            solutions.append(self.problem.solve(x, weight * inliers, "linear"))
             x = solutions[-1].x
-            agreeing = self._agreeing(x, weight * used / max(self.noise(x, used), 1.0), weight)
-            if np.array_equal(agreeing, used):
+            agreeing = self._agreeing(x, weight * inliers / max(self.noise(x, inliers), 1.0), weight)
+            if np.array_equal(agreeing, inliers):
                 break
-            used = agreeing
-        return self._finished(solutions, used, weight * used)
+            inliers = agreeing
+        return self._finished(solutions, inliers, weight * inliers)
 
     def _finished(
-        self, solutions: list[Solution], used: Bool[np.ndarray, " rows"], weighed: Float[np.ndarray, " rows"]
+        self, solutions: list[Solution], inliers: Bool[np.ndarray, " rows"], weighed: Float[np.ndarray, " rows"]
     ) -> Estimate:
         """The estimate on these rows with the noise that sigma and residuals say together."""
         problem, weight, noise = self.problem, 1 / self.rows.sigma, 1.0
         for _ in range(2):  # the noise sets how much the priors weigh, and the priors change the noise a little
-            noise = self.noise(solutions[-1].x, used)
-            final = weight * used / noise
+            noise = self.noise(solutions[-1].x, inliers)
+            final = weight * inliers / noise
             if np.allclose(final, weighed, rtol=1e-3):
                 break
             solutions.append(problem.solve(solutions[-1].x, final, "linear"))
             weighed = final
         iterations, seconds = sum(s.iterations for s in solutions), sum(s.seconds for s in solutions)
-        return Estimate(solutions[-1].x, used, weighed, noise, iterations, seconds)
+        return Estimate(solutions[-1].x, inliers, weighed, noise, iterations, seconds)
 
     def _first(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> Solution:
         """Plain least squares; if touches far from all others keep these from an end, the robust loss at once."""
@@ -149,12 +149,12 @@ class _Fit:
     def _scale(
         self,
         x: Float[np.ndarray, " size"],
-        used: Bool[np.ndarray, " rows"],
+        inliers: Bool[np.ndarray, " rows"],
         residual: Float[np.ndarray, " rows"] | None = None,
     ) -> float:
         """Robust scatter in units of sigma, at least 1: the median absolute residual, corrected for the parameters."""
-        r = ((self.problem.residual(x) if residual is None else residual) / self.rows.sigma)[used]
-        freedom = max(self.freedom(x, used / self.rows.sigma), 1)
+        r = ((self.problem.residual(x) if residual is None else residual) / self.rows.sigma)[inliers]
+        freedom = max(self.freedom(x, inliers / self.rows.sigma), 1)
         return max(1.0, 1.4826 * float(np.median(np.abs(r))) * np.sqrt(len(r) / freedom))
 
     def _agreeing(
@@ -188,19 +188,19 @@ class _Fit:
         np.maximum.at(worst, self.rows.owner, size)
         return worst
 
-    def noise(self, x: Float[np.ndarray, " size"], used: Bool[np.ndarray, " rows"]) -> float:
+    def noise(self, x: Float[np.ndarray, " size"], inliers: Bool[np.ndarray, " rows"]) -> float:
         """Noise in units of sigma, root of the mean of its posterior (scaled inverse chi-square).
 
         Sigma is worth ten degrees of freedom, the residuals those that they have.
         """
-        freedom = max(self.freedom(x, used / self.rows.sigma), 1.0)
-        square = self.deviation(x, used) ** 2
+        freedom = max(self.freedom(x, inliers / self.rows.sigma), 1.0)
+        square = self.deviation(x, inliers) ** 2
         return float(np.sqrt((CERTAIN + freedom * square) / (CERTAIN + freedom - 2)))
 
-    def deviation(self, x: Float[np.ndarray, " size"], used: Bool[np.ndarray, " rows"]) -> float:
+    def deviation(self, x: Float[np.ndarray, " size"], inliers: Bool[np.ndarray, " rows"]) -> float:
         """Root of chi-square a degree of freedom, in units of sigma."""
-        r = (self.problem.residual(x) / self.rows.sigma)[used]
-        return float(np.sqrt(r @ r / max(self.freedom(x, used / self.rows.sigma), 1)))
+        r = (self.problem.residual(x) / self.rows.sigma)[inliers]
+        return float(np.sqrt(r @ r / max(self.freedom(x, inliers / self.rows.sigma), 1)))
 
     def freedom(self, x: Float[np.ndarray, " size"], weight: Float[np.ndarray, " rows"]) -> float:
         """Rows in use less the coordinates that they, and not the priors, determine."""

@@ -193,22 +193,22 @@ class Extended:
         """Precision of the priors; that of unknowns without one is so small that it holds only what nothing shows."""
         return np.where(self.precision > 0, self.precision, FREE**-2)
 
-    def unit(self, used: Bool[np.ndarray, " rows"] | None = None) -> Float[np.ndarray, " rows"]:
+    def unit(self, inliers: Bool[np.ndarray, " rows"] | None = None) -> Float[np.ndarray, " rows"]:
         """One over the scatter of each row as the richest model leaves it, in units of sigma; 0 for outliers.
 
         With `used` the model is fitted to these rows, and the others are judged by it.
         """
-        used = np.ones(len(self.y), dtype=bool) if used is None else used
-        return _unit(self.A, self.y, self.held, used.astype(float), self.rows)
+        inliers = np.ones(len(self.y), dtype=bool) if inliers is None else inliers
+        return _unit(self.A, self.y, self.held, inliers.astype(float), self.rows)
 
     def selection(self, unit: Float[np.ndarray, " rows"], rng: np.random.Generator, folds: int = FOLDS) -> Selection:
         """The error models that help in regions held out, and what each buys."""
-        used, (own, models) = unit > 0, self.columns()
-        tip = self.unknowns.cell.kinematics.tip(self.rows.q[used], self.unknowns.theta(self.at))[0]
-        A, y = self.A[used] * unit[used, None], self.y[used] * unit[used]
+        inliers, (own, models) = unit > 0, self.columns()
+        tip = self.unknowns.cell.kinematics.tip(self.rows.q[inliers], self.unknowns.theta(self.at))[0]
+        A, y = self.A[inliers] * unit[inliers, None], self.y[inliers] * unit[inliers]
         linear = Linear(A, y, self.held, own, models, regions(tip, folds, rng))
         candidates = [name for name in models if linear.shows(name)]
-        return choose(linear, self.rows.owner[used], self.rows.sigma[used] / unit[used], candidates)
+        return choose(linear, self.rows.owner[inliers], self.rows.sigma[inliers] / unit[inliers], candidates)
 
 
 def extend(problem: Problem, x: Float[np.ndarray, " size"], errors: Sequence[str]) -> Extended:

@@ -101,11 +101,11 @@ def _renamed(problem: Problem, fit: Estimate, tables: tuple[Measurements, ...]) 
 
 
 def _grown(
-    problem: Problem, theta: Float[np.ndarray, " parameters"], used: Bool[np.ndarray, " rows"]
+    problem: Problem, theta: Float[np.ndarray, " parameters"], inliers: Bool[np.ndarray, " rows"]
 ) -> Iterator[tuple[Problem, Estimate]]:
     """The estimate from a start with rows that agree, if the solver converges from there."""
     with suppress(CalibrationFailed):
-        yield problem, estimate(problem, theta, used)
+        yield problem, estimate(problem, theta, inliers)
 
 
 def on_faces(tables: tuple[Measurements, ...]) -> Touches | None:

@@ -71,11 +71,11 @@ def structure(
     poses = replace(tip_rows(q), conditions=np.repeat(_conditions(conditions, q.shape, rng), 3, axis=0))
     _, J = measurement_model(robot).linearize(cell.theta if theta is None else theta, poses)
     free = [i for i in preference(robot) if robot.parameters[i] not in cell.fixed]
-    kept, combinations = independent(J * cell.scale, free)
+    basic, combinations = independent(J * cell.scale, free)
     names = robot.parameters
     return Identifiability(
         names,
-        tuple(sorted(kept)),
+        tuple(sorted(basic)),
         {
             names[i]: {names[k]: _clean(c * cell.scale[k] / cell.scale[i]) for k, c in terms.items()}
             for i, terms in sorted(combinations.items())
@@ -129,15 +129,15 @@ def _row_space(A: Float[np.ndarray, "rows columns"]) -> tuple[np.ndarray, np.nda
 def everything(cell: Cell, priors: bool = True) -> Identifiability:
     """All parameters that are not fixed; raises InputError where there is no tolerance to hold one of them."""
     names = cell.robot.parameters
-    kept = tuple(i for i, name in enumerate(names) if name not in cell.fixed)
-    loose = [names[i] for i in kept if not (priors and np.isfinite(cell.prior[i]))]
+    free = tuple(i for i, name in enumerate(names) if name not in cell.fixed)
+    loose = [names[i] for i in free if not (priors and np.isfinite(cell.prior[i]))]
     if loose:
         raise InputError(
             f"nothing is known of {', '.join(loose[:3])}{' ...' if len(loose) > 3 else ''} before the touches, so not "
             "all parameters can be estimated; write base and tool into cell.yaml and use its priors, or estimate only "
             "the identifiable ones"
         )
-    return Identifiability(names, kept, {})
+    return Identifiability(names, free, {})
 
 
 def _conditions(

@@ -10,7 +10,7 @@ from identify.model.measurement import Rows
 from identify.uncertainty.information import Information, triangular
 
 TOUCHES = 1000  # of the candidate that shows a direction best
-SHOWN = 1e-2  # of the prior deviation of a direction, by which so many touches shorten it if it is worth keeping
+LEAST = 1e-2  # of the prior deviation of a direction, by which so many touches shorten it if it is worth keeping
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +60,13 @@ class Coordinates:
 def of_all_unknowns(prior: Information, rows: Float[np.ndarray, "candidates unknowns"]) -> Coordinates:
     """The right singular directions of candidate rows, in units of the prior, that touches could show.
 
-    A direction counts if TOUCHES touches of the candidate that sees it best shorten its deviation by SHOWN. The prior
+    A direction counts if TOUCHES touches of the candidate that sees it best shorten its deviation by LEAST. The prior
     is the identity.
     """
     whitened = prior.root(rows)
     _, _, Vt = np.linalg.svd(triangular(whitened))
     best = np.abs(whitened @ Vt.T).max(axis=0, initial=0.0) ** 2
-    visible = 1 / np.sqrt(1 + TOUCHES * best) < 1 - SHOWN
+    visible = 1 / np.sqrt(1 + TOUCHES * best) < 1 - LEAST
     inverse = prior.root(np.eye(len(Vt)))  # R^-1
     basis = np.hstack([inverse @ Vt[visible].T, np.zeros((len(Vt), 1))])
     return Coordinates(prior, basis, np.eye(basis.shape[1]), rest=inverse @ Vt[~visible].T)

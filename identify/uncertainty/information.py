@@ -14,7 +14,7 @@ from identify.uncertainty.unknowns import Unknowns
 
 UNDETERMINED = 1e-12  # of the largest singular value of R: below it a direction is not determined
 ROUNDING = 1e-13  # of a correlation that was written to a file
-SHOWN = 1e-9  # share of a function that lies in such directions, below which rounding made it
+LEAST = 1e-9  # share of a function that lies in such directions, below which rounding made it
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class Information:
         else:
             directions, inverse = self._null
             B = A @ inverse
-            open_ = np.linalg.norm(A @ directions, axis=1) > SHOWN * np.linalg.norm(A, axis=1)
+            open_ = np.linalg.norm(A @ directions, axis=1) > LEAST * np.linalg.norm(A, axis=1)
             B[open_] = np.inf
         return np.asarray(B.reshape(functions.shape))
 

@@ -188,8 +188,8 @@ def _compared(cell: Cell, truth: Truth, calibration: Calibration) -> dict[str, A
     q = zone_poses(calibration.cell, calibration.theta, POSES, rng=np.random.default_rng(12345))
     tip = cell.kinematics.tip(q, truth.theta)[0]
     before, after = (
-        summarize(np.linalg.norm(known.kinematics.tip(q, theta)[0] - tip, axis=1))
-        for known, theta in ((cell, cell.theta), (calibration.cell, calibration.theta))
+        summarize(np.linalg.norm(one.kinematics.tip(q, theta)[0] - tip, axis=1))
+        for one, theta in ((cell, cell.theta), (calibration.cell, calibration.theta))
     )
     residuals = np.array([r.before_mm for r in calibration.residuals.values()])
     return {

@@ -147,8 +147,8 @@ class Hits:
         out[at <= 0] = Outcome.BEHIND
         for solid, box in zip(self._solids, self._around, strict=True):
             near = box.near(low, high)
-            begun = solid.point(start[:, near].reshape(-1, 3).T) <= 0
-            out[:, near] = np.where(begun.reshape(len(start), len(near)), Outcome.BEHIND, out[:, near])
+            contact = solid.point(start[:, near].reshape(-1, 3).T) <= 0
+            out[:, near] = np.where(contact.reshape(len(start), len(near)), Outcome.BEHIND, out[:, near])
         return out
 
     @cached_property

@@ -11,7 +11,7 @@ from identify.model.ik_step import AXIS, LEVER, POINT, POSE
 from identify.model.robot import Robot
 
 STARTS = 24  # random ones for each of the first poses: 98 of 100 solutions of a 6-axis arm are found by so many
-SEEDS, KNOWN = 300, 3000  # poses that get them, and poses whose solutions are kept as starts for all others
+SEEDS, POSES = 300, 3000  # poses that get them, and poses whose solutions are kept as starts for all others
 SLACK = 0.2  # [rad] or [LEVER mm] beyond the joint limits, for a start whose solution may lie within
 MOST, SOME = 16, 8  # solutions kept of a pose: a 6-axis arm has no more; a redundant one has infinitely many
 WANDER = 0.3  # [rad] or [LEVER mm], 1 sigma of the way off from known solutions, where solutions fill a curve
@@ -63,7 +63,7 @@ class Branches:
     def __init__(self, cell: Cell, theta: Float[np.ndarray, " parameters"], around: Poses, rng: np.random.Generator):
         """Solve some of the poses `around` which others will be asked for."""
         self.cell, self.theta, self.rng = cell, theta, rng
-        self.order = rng.permutation(len(around))[:KNOWN]  # of the known poses among those `around`
+        self.order = rng.permutation(len(around))[:POSES]  # of the known poses among those `around`
         first, others = around.take(self.order[:SEEDS]), around.take(self.order[SEEDS:])
         pose = np.repeat(np.arange(len(first)), STARTS)
         start = rng.uniform(cell.robot.lower, cell.robot.upper, (len(pose), len(cell.robot.joints)))

@@ -14,7 +14,7 @@ from identify.model.ik import reach
 from identify.model.measurement import MEASUREMENTS, Measurements
 from identify.model.touch import Contacts, Distances, Poses, Positions
 from identify.model.zone import cone, frames, zone_of
-from oed.candidates.sight import SEEN, sight, unseen_note
+from oed.candidates.sight import IN_SIGHT, sight, unseen_note
 from probe.motion.clearance import CLEAR, WIRE, Clearance
 
 VIEW = 300.0  # [mm] around zone and jig, where a tracker sees the tip if the cell does not say
@@ -81,7 +81,7 @@ def measurements(
         clear = _clear(draw(cell, theta, rng, max(200, count)), kind, clearance)
         views = sight(cell, kind, clearance, clear.q, clear.placement, clear.tool)
         reasons = np.append(reasons, views)
-        visible = clear.take(np.flatnonzero(views == SEEN))
+        visible = clear.take(np.flatnonzero(views == IN_SIGHT))
         whole = whole.and_those(visible) if len(whole.q) else visible
         if len(whole.q) >= count:
             break

@@ -10,7 +10,7 @@ from identify.model.frames import transform
 from probe.motion.clearance import WIRE, Clearance
 from probe.motion.distances import Points, segment_segment
 
-SEEN = -1
+IN_SIGHT = -1
 REASONS = (
     "are nearer or further than the tracker measures",
     "are beside, above or below where it looks",
@@ -28,13 +28,13 @@ def sight(
     placement: Sequence[str] | None,
     tool: Sequence[str] | None,
 ) -> Int[np.ndarray, " postures"]:
-    """Place in REASONS of why the tracker does not see the target of each posture, or SEEN.
+    """Place in REASONS of why the tracker does not see the target of each posture, or IN_SIGHT.
 
     A tracker measures in the frame of its placement and stands at `Device.stand` there. A cell that does not say where
     has no lines of sight to look at. The arm is that of its capsules, which contain its links: a few targets that are
     seen past a link count as hidden.
     """
-    device, out = cell.device(kind), np.full(len(q), SEEN)
+    device, out = cell.device(kind), np.full(len(q), IN_SIGHT)
     if device.stand is None or not len(q):
         return out
     theta = np.tile(clearance.theta, (len(q), 1))

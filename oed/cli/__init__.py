@@ -66,7 +66,7 @@ COMMANDS = {
 FUNCTIONS = {"import": "import_log:import_log", "schema": "init:schema"}  # where a command has no module of its name
 
 GOES_ON = "what was finished is in its folder, and the same command goes on"
-KEPT = dict.fromkeys(("demo", "campaign", "study"), GOES_ON)
+RESUMABLE = dict.fromkeys(("demo", "campaign", "study"), GOES_ON)
 WHOLE = "a file is written whole or not at all: none is half-written"
 """What Ctrl-C leaves behind."""
 BAD_INPUT, FAILED = 2, 1
@@ -130,7 +130,7 @@ def _run(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
     except KeyboardInterrupt as stop:
-        _say(str(stop) or f"stopped; {KEPT.get(named, WHOLE)}")
+        _say(str(stop) or f"stopped; {RESUMABLE.get(named, WHOLE)}")
         code = 130
     except Exception as error:
         if os.environ.get("TOUCHCAL_DEBUG"):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from identify.model.io.poses import Poses
     from identify.model.robot import Robot
 
-SHOWN = 10  # targets left alone that are named on the screen
+LONGEST = 10  # targets left alone that are named on the screen
 
 
 @Parameter(name="*")
@@ -142,7 +142,7 @@ def story(targets: "Poses", result: "Compensation", notes: list[str], output: Pa
         lines[0] += f"; commands moved by {np.median(shift):.3f} mm (median), {shift.max():.3f} mm at most"
     uncorrected = [(name, reason) for name, reason in zip(targets.ids, result.why, strict=True) if reason]
     lines += [f"left as they are: {count} {why}" for why, count in result.left().items()]
-    lines += [f"  {name}: {reason}" for name, reason in uncorrected[:SHOWN]]
-    lines += [f"  ... and {len(uncorrected) - SHOWN} more, in {output}"] if len(uncorrected) > SHOWN else []
+    lines += [f"  {name}: {reason}" for name, reason in uncorrected[:LONGEST]]
+    lines += [f"  ... and {len(uncorrected) - LONGEST} more, in {output}"] if len(uncorrected) > LONGEST else []
     lines += notes
     return "\n".join([*lines, f"wrote {output}"])

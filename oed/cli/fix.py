@@ -13,7 +13,7 @@ from oed.cli.screen.progress import progress
 if TYPE_CHECKING:
     from identify.programs.fixing import Fixed
 
-SHOWN = 20  # positions or remarks of a kind that are named on the screen
+LONGEST = 20  # positions or remarks of a kind that are named on the screen
 DIFF = "corrections.diff"
 
 
@@ -131,8 +131,8 @@ def story(files: "list[Fixed]", notes: list[str], output: Path) -> str:
         lines.append(f"{each.name}: {_corrected(each)}")
         lines += [f"  cannot be corrected: {count} {why}" for why, count in each.reasons.items()]
         for mentions in (each.failures, each.mentions):
-            lines += [f"  {_place(m.line, m.name)}{m.why}" for m in mentions[:SHOWN]]
-            lines += [f"  ... and {len(mentions) - SHOWN} more"] if len(mentions) > SHOWN else []
+            lines += [f"  {_place(m.line, m.name)}{m.why}" for m in mentions[:LONGEST]]
+            lines += [f"  ... and {len(mentions) - LONGEST} more"] if len(mentions) > LONGEST else []
     return "\n".join([*lines, *notes, f"wrote {output}, the changes in {output / DIFF}"])
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from identify.model.io.calibration_file import Calibration
     from identify.model.touch import Plan, Touches
 
-SHOWN = 0.05  # probability of a cause that is named beside the first
+PROBABLE = 0.05  # probability of a cause that is named beside the first
 
 
 def health(
@@ -195,7 +195,7 @@ def summary(health: "Health") -> dict[str, Any]:
         "whole": health.whole,
         "change": first.change.tolist(),
         "sigma": first.sigma.tolist(),
-        "others": {f.cause.name: f.sure for f in health.findings[1:] if f.sure > SHOWN},
+        "others": {f.cause.name: f.sure for f in health.findings[1:] if f.sure > PROBABLE},
         "residuals_mm": dict(health.residuals),
     }
 
@@ -210,7 +210,7 @@ def story(identified: "Calibration", health: "Health") -> str:
         return f"{sizes}\nunchanged: the robot is the one that was identified ({often})"
     first = health.findings[0]
     lines = [sizes, f"{health.verdict}: {_said(identified, first)}; {_sure(first)} sure ({often} without a change)"]
-    lines += [f"  or: {_said(identified, f)} ({_sure(f)})" for f in health.findings[1:] if f.sure > SHOWN]
+    lines += [f"  or: {_said(identified, f)} ({_sure(f)})" for f in health.findings[1:] if f.sure > PROBABLE]
     if not health.whole:
         lines.append("this does not explain all of it: more than one thing has changed; identify the robot anew")
     return "\n".join([*lines, CURES.get(first.cause.kind, CURES["parameter"])])

@@ -256,4 +256,4 @@ def _listed(title: str, items: Any) -> list[str]:
 def _carried(name: str, terms: Any) -> str:
     if not terms:
         return f"{name} (no effect on the tip)"
-    return f"{name} ({', '.join(f'{c:+.4g} {kept}' for kept, c in terms.items())})"
+    return f"{name} ({', '.join(f'{c:+.4g} {carrier}' for carrier, c in terms.items())})"

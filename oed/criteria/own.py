@@ -7,7 +7,9 @@ from identify.model.files import InputError, read_text
 from oed.criteria.criteria import CRITERIA
 from oed.criteria.criterion import Criterion
 
-TAKEN = frozenset({*CRITERIA, "even", "random", "sequential"})  # names of published criteria, and of other strategies
+PUBLISHED = frozenset(
+    {*CRITERIA, "even", "random", "sequential"}
+)  # names of published criteria, and of other strategies
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class OwnCriterion:
         if not isinstance(value, Criterion):
             what = "nothing" if value is None else f"a {type(value).__name__}"
             raise InputError(f"{self.file}: {self.variable} is {what}, expected a criterion such as PowerMean(...)")
-        if value.name in TAKEN:
+        if value.name in PUBLISHED:
             raise InputError(f"{self.file}: the name '{value.name}' of {self.variable} is taken; give it another name")
         CRITERIA[value.name] = value
         return value

@@ -17,7 +17,7 @@ from oed.design.owners import Owners
 from oed.design.relaxation import ApproximateDesign, approximate_design
 
 GAP = 1e-3  # of the relaxation
-USED = 1e-2  # of its largest weight, from which a measurement counts as used by the relaxation
+SUPPORT = 1e-2  # of its largest weight, from which a measurement counts as used by the relaxation
 POOL = 400  # measurements nearest to carrying weight that the search looks at
 ROUNDING = 1e-9  # of the budget
 EXCURSIONS = 400
@@ -69,7 +69,7 @@ def budget_design(
     share = cost / budget
     scaled = rows / np.sqrt(owners.each(np.arange(len(owners)), share))[:, None]
     relaxed = approximate_design(scaled, measure, GAP, prior=before, cap=share, owner=owner)
-    support = int((relaxed.weights > USED * share).sum())
+    support = int((relaxed.weights > SUPPORT * share).sum())
     near = np.sort(np.argsort(-relaxed.closeness, kind="stable")[: max(POOL, 2 * support)])
     search = _Search(_blocks(rows, owners, near), cost[near], budget, measure, before)
     best = search.run(np.flatnonzero(relaxed.weights[near] >= 0.5 * share[near]), rng, excursions)

@@ -61,8 +61,8 @@ class CandidateSet:
     def with_candidates(self, candidates: Candidates) -> Self:
         """The same with other candidates, and the same coordinates."""
         other = replace(self, candidates=candidates)
-        known = self.__dict__ | {"all_unknowns": self.all_unknowns}
-        other.__dict__.update({name: value for name, value in known.items() if name in SHARED})
+        values = self.__dict__ | {"all_unknowns": self.all_unknowns}
+        other.__dict__.update({name: value for name, value in values.items() if name in SHARED})
         return other
 
     @cached_property
@@ -139,8 +139,8 @@ class CandidateSet:
         """Postures above touches, each looked for once."""
         names = [q.tobytes() for q in touches.approach]
         new = np.array([i for i, name in enumerate(names) if name not in self._lifts], dtype=int)
-        found = lifts(self.edges, touches.approach[new], touches.normal[new])
-        self._lifts.update({names[i]: q for i, q in zip(new.tolist(), found, strict=True)})
+        above = lifts(self.edges, touches.approach[new], touches.normal[new])
+        self._lifts.update({names[i]: q for i, q in zip(new.tolist(), above, strict=True)})
         lifted = np.array([self._lifts[name] for name in names])
         return lifted[~np.isnan(lifted).any(axis=1)]
 
@@ -170,11 +170,11 @@ class CandidateSet:
     def searches(self, touches: Candidates) -> Searches:
         """What robots drawn from what is known meet and learn with touches; the last sets are remembered."""
         name = touches.q.tobytes()
-        found = self._searched.pop(name, None) or searches(self.prior, touches)
+        result = self._searched.pop(name, None) or searches(self.prior, touches)
         for oldest in list(self._searched)[: max(0, len(self._searched) + 1 - REMEMBERED)]:
             del self._searched[oldest]
-        self._searched[name] = found
-        return found
+        self._searched[name] = result
+        return result
 
     @cached_property
     def _searched(self) -> dict[bytes, Searches]:

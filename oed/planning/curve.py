@@ -9,7 +9,7 @@ from oed.candidates.candidates import Candidates
 from oed.planning.candidate_set import CandidateSet
 
 MOST = 1000  # touches that a target may ask for: three hours
-MISSED = 0.05  # share of the touches that miss, above which they are why a target cannot be promised
+MISSES = 0.05  # share of the touches that miss, above which they are why a target cannot be promised
 USUAL = 50  # touches from which others are extrapolated
 ENDLESS = 1e6  # times that touches are made to see what they leave at last
 LEVEL = 0.8  # of the error of the fewest touches that the most leave, from which sets of each number are chosen
@@ -30,7 +30,7 @@ def curve(
     n = len(touches)
     counts = sorted({max(1, round(step * n)) for step in STEPS})
     errors = np.array([candidate_set.promise(touches, m / n).p95_mm for m in counts])
-    if errors[-1] > LEVEL * errors[0] and candidate_set.searches(touches).missing.mean() > MISSED:
+    if errors[-1] > LEVEL * errors[0] and candidate_set.searches(touches).missing.mean() > MISSES:
         most = min(max(QUICK, n // 2), len(candidate_set.candidates))
         counts = sorted({m for step in FEW if 1 <= (m := round(step * n)) <= most} | {n})
         errors = np.array([candidate_set.promise(touches if m == n else choose(m)).p95_mm for m in counts])
@@ -75,7 +75,7 @@ def _possible(candidate_set: CandidateSet, target: float, touches: Candidates) -
     if target > floor:
         return
     searches = candidate_set.searches(touches)
-    if searches.missing.mean() > MISSED:
+    if searches.missing.mean() > MISSES:
         share = 100 * searches.missing.mean()
         raise InputError(
             f"target {target:g} mm: no number of touches can promise it. About {share:.0f} % of the "

@@ -52,8 +52,8 @@ def _changed(before: Information, sizes: Mapping[str, float]) -> Information:
     names = before.unknowns.cell.robot.parameters
     some = [i for i, name in enumerate(names) if name in sizes or i in before.unknowns.parameters]
     C = np.diag([sizes.get(names[i], 0.0) ** 2 for i in some])
-    known = [some.index(i) for i in before.unknowns.parameters]
-    C[np.ix_(known, known)] += before.covariance()[: len(known), : len(known)]
+    parameters = [some.index(i) for i in before.unknowns.parameters]
+    C[np.ix_(parameters, parameters)] += before.covariance()[: len(parameters), : len(parameters)]
     unknowns = replace(before.unknowns, parameters=np.array(some))
     return Information.of_covariance(unknowns, before.theta, [names[i] for i in some], C)
 
@@ -68,8 +68,8 @@ class _Changes(CandidateSet):
     @cached_property
     def rows(self) -> Float[np.ndarray, "touches unknowns"]:
         """Rows in units of how exactly the calibration foretells each touch, if nothing has changed."""
-        known = self.before.unknowns.rows(self.candidates.rows(self.cell), self.theta)
-        return super().rows / np.sqrt(1 + self.before.variance(known))[:, None]
+        rows = self.before.unknowns.rows(self.candidates.rows(self.cell), self.theta)
+        return super().rows / np.sqrt(1 + self.before.variance(rows))[:, None]
 
     @cached_property
     def identifiable(self) -> Coordinates:

@@ -94,15 +94,15 @@ def _planned(
     best: tuple[int, BudgetDesign, list[np.ndarray], list[Order]] | None = None
     for attempt in range(TRIES):
         say("choosing", 0.3 + 0.5 * attempt / TRIES)
-        found, chosen = problem.design(budget, criterion, rng, allowed)
+        design, members = problem.design(budget, criterion, rng, allowed)
         orders, blocked = [], 0
-        for offer, index, some in zip(problem.offers, chosen, allowed, strict=True):
+        for offer, index, some in zip(problem.offers, members, allowed, strict=True):
             order, clear = problem.visit(offer, index, rng)
             orders.append(order)
             blocked += len(order.blocked)
             some &= ~problem.astray(offer, index, order, clear)
         if best is None or blocked < best[0]:
-            best = blocked, found, chosen, orders
+            best = blocked, design, members, orders
         if not blocked:
             break
     assert best is not None
@@ -114,13 +114,13 @@ def _result(
     problem: KindsProblem,
     budget: float,
     criterion: str,
-    found: BudgetDesign,
-    chosen: list[Int[np.ndarray, " some"]],
+    design: BudgetDesign,
+    members: list[Int[np.ndarray, " some"]],
     orders: list[Order],
 ) -> KindsPlan:
     parts, notes = [], list(problem.notes)
     begin = 0
-    for offer, index, order in zip(problem.offers, chosen, orders, strict=True):
+    for offer, index, order in zip(problem.offers, members, orders, strict=True):
         if not len(index):
             continue
         index = index[order.index]
@@ -138,7 +138,7 @@ def _result(
                 *offer.touches.searches(offer.touches.candidates.take(index)).sentences(),
             ]
         begin += len(index)
-    alone, promised, limit = {}, problem.promised(chosen), problem.limit()
+    alone, promised, limit = {}, problem.promised(members), problem.limit()
     if limit.rms_mm > NEAR * promised.rms_mm:
         notes.append(
             f"however many of these are made, {limit.rms_mm:.3f} mm RMS are left in the zone, mostly by "
@@ -152,12 +152,12 @@ def _result(
     return KindsPlan(
         parts=tuple(parts),
         criterion=criterion,
-        minutes=found.cost,
+        minutes=design.cost,
         budget=budget,
-        efficiency=found.efficiency if np.isfinite(found.efficiency) else None,
+        efficiency=design.efficiency if np.isfinite(design.efficiency) else None,
         candidates={offer.kind: len(offer) for offer in problem.offers},
         promise=promised,
-        curve=tuple((share * found.cost, problem.promised(chosen, share).p95_mm) for share in SHARES),
+        curve=tuple((share * design.cost, problem.promised(members, share).p95_mm) for share in SHARES),
         alone=alone,
         limit=limit,
         notes=tuple(notes),

@@ -113,7 +113,7 @@ class KindsProblem:
         cost = np.concatenate([np.full(some.sum(), o.minutes) for o, some in zip(self.offers, allowed, strict=True)])
         further = {} if excursions is None else {"excursions": excursions}
         try:
-            found = budget_design(
+            design = budget_design(
                 np.concatenate(parts) @ coordinates.basis,
                 owner,
                 cost,
@@ -127,27 +127,27 @@ class KindsProblem:
         except ValueError as error:
             raise InputError(f"no plan for {budget:g} minutes: {error}") from None
         ends = np.cumsum([0, *(int(some.sum()) for some in allowed)])
-        chosen = [
-            np.flatnonzero(some)[found.members[(found.members >= a) & (found.members < b)] - a]
+        members = [
+            np.flatnonzero(some)[design.members[(design.members >= a) & (design.members < b)] - a]
             for some, a, b in zip(allowed, ends[:-1], ends[1:], strict=True)
         ]
-        return found, chosen
+        return design, members
 
-    def promised(self, chosen: Sequence[Int[np.ndarray, " some"]], times: float = 1.0) -> Promise:
+    def promised(self, members: Sequence[Int[np.ndarray, " some"]], times: float = 1.0) -> Promise:
         """The promise after the chosen candidates of each kind, made `times` times; touches miss as they do."""
-        further = [o.of(index) for o, index in zip(self.offers, chosen, strict=True) if o.touches is None]
+        further = [o.of(index) for o, index in zip(self.offers, members, strict=True) if o.touches is None]
         rows = np.sqrt(times) * np.concatenate([np.zeros((0, len(self.prior.R))), *further])
-        for offer, index in zip(self.offers, chosen, strict=True):
+        for offer, index in zip(self.offers, members, strict=True):
             if offer.touches is not None and len(index):
                 return offer.touches.promise(offer.touches.candidates.take(index), times, further=rows)
         return promise(TipErrors(self.prior.updated(rows).root(self.tip)))
 
     def limit(self) -> Limit:
         """The error in the zone that is left however often all candidates are measured, and whence it comes."""
-        known = self.prior.updated(np.sqrt(MANY) * self.rows)
-        tip = known.root(self.tip)
+        posterior = self.prior.updated(np.sqrt(MANY) * self.rows)
+        tip = posterior.root(self.tip)
         _, s, Vt = np.linalg.svd(tip.reshape(-1, tip.shape[-1]), full_matrices=False)
-        direction = np.abs(known.root(np.eye(len(known.R))) @ Vt[0])
+        direction = np.abs(posterior.root(np.eye(len(posterior.R))) @ Vt[0])
         most = np.argsort(-direction)[:NAMED]
         names = tuple(self.prior.unknowns.names[i] for i in most if direction[i] > 0.3 * direction.max())
         return Limit(float(np.sqrt((s**2).sum() / len(self.tip))), names)
@@ -200,10 +200,10 @@ def kinds_problem(
 
 def _with_points(prior: Information) -> Information:
     """What is known with the further frames and points of the cell, and the spacings between points."""
-    cell, known = prior.unknowns.cell, len(prior.R)
+    cell, count = prior.unknowns.cell, len(prior.R)
     unknowns = replace(prior.unknowns, named=tuple(named(cell)))
     R = np.diag(np.sqrt(unknowns.precision))
-    R[:known, :known] = prior.R
+    R[:count, :count] = prior.R
     whole = Information(unknowns, prior.theta, R)
     if not cell.spacings:
         return whole
@@ -220,9 +220,9 @@ def _touches(prior: Information, rng: np.random.Generator, count: int) -> Offer:
 def _others(prior: Information, kind: str, clearance: Clearance, rng: np.random.Generator, count: int) -> Offer:
     cell, theta = prior.unknowns.cell, prior.theta
     table, notes = measurements(cell, kind, rng, max(count // ROWS[kind], 1), theta=theta, clearance=clearance)
-    made = rows(cell.wire, [table], cell.robot, cell.places)
+    lines = rows(cell.wire, [table], cell.robot, cell.places)
     tip, R = cell.kinematics.tip(table.q, theta)
     plan = Plan(table.ids, ("",) * len(table), tip, -R[:, :, 2], table.q, table.q)
     return Offer(
-        kind, cell.device(kind).minutes, prior.unknowns.rows(made, theta), made.owner, plan, table, None, notes
+        kind, cell.device(kind).minutes, prior.unknowns.rows(lines, theta), lines.owner, plan, table, None, notes
     )

@@ -164,9 +164,11 @@ def summary(result: PlanResult) -> dict[str, Any]:
 
 def _check(n: int | None, target: float | None, criterion: str, strategy: str, seconds: float | None) -> None:
     """Raise InputError where the words are not known or say two things at once."""
-    for word, value, known in (("criterion", criterion, CRITERIA), ("strategy", strategy, STRATEGIES)):
-        if value not in known:
-            raise InputError(f"{word} '{value}' is not known{nearest(value, known)}; choose one of {', '.join(known)}")
+    for word, value, choices in (("criterion", criterion, CRITERIA), ("strategy", strategy, STRATEGIES)):
+        if value not in choices:
+            raise InputError(
+                f"{word} '{value}' is not known{nearest(value, choices)}; choose one of {', '.join(choices)}"
+            )
     if n is not None and n < 1:
         raise InputError(f"{n} touches are asked for, expected a number above 0")
     if n is not None and target is not None:
@@ -227,10 +229,10 @@ def indices(candidate_set: CandidateSet, rows: Float[np.ndarray, "touches unknow
     return {name: value for name, value in values.items() if np.isfinite(value)}
 
 
-def blocked_ways(made: Plan, order: Order) -> tuple[str, ...]:
+def blocked_ways(plan: Plan, order: Order) -> tuple[str, ...]:
     """A sentence for each way between touches that is not clear."""
     return tuple(
-        f"the straight way from touch {made.ids[i]} to touch {made.ids[i + 1]} is not clear of the jig; "
+        f"the straight way from touch {plan.ids[i]} to touch {plan.ids[i + 1]} is not clear of the jig; "
         "drive around it by hand, or plan with another number of touches"
         for i in order.blocked
     )

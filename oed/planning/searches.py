@@ -74,8 +74,8 @@ class Searches:
         """The share of the robots whose run stops, since so many touches in a row miss."""
         most, row = Settings().misses, np.zeros(len(self.outcomes), dtype=int)
         over = np.zeros(len(row), dtype=bool)
-        for missed in (self.outcomes != Outcome.MEETS).T:
-            row = np.where(missed, row + 1, 0)
+        for outside in (self.outcomes != Outcome.MEETS).T:
+            row = np.where(outside, row + 1, 0)
             over |= row >= most
         return float(over.mean())
 
@@ -107,9 +107,9 @@ class Searches:
 def searches(prior: Information, touches: Candidates) -> Searches:
     """Let robots drawn from what is known make touches, each along its way to where the wire meets its face."""
     robots = next((k for k in ROBOTS if k * len(touches) <= SEARCHES), ROBOTS[-1])
-    drawn = _Drawn(prior, touches, prior.draws(robots, np.random.default_rng(0)))
-    outcomes = drawn.outcomes()
-    rows = prior.root(drawn.rows()) * (outcomes == Outcome.MEETS)[:, :, None]
+    sample = _Drawn(prior, touches, prior.draws(robots, np.random.default_rng(0)))
+    outcomes = sample.outcomes()
+    rows = prior.root(sample.rows()) * (outcomes == Outcome.MEETS)[:, :, None]
     return Searches(touches, outcomes, rows.transpose(0, 2, 1) @ rows)
 
 

@@ -158,17 +158,17 @@ class Setting:
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
     ) -> tuple[Candidates, Order]:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
-        moved = refine(refinement, touches, self.measure, sweeps=SWEEPS, progress=say)
+        better = refine(refinement, touches, self.measure, sweeps=SWEEPS, progress=say)
         for around in range(1, RETURNS + 1):
-            order = self._ordered(moved, touches, kicks=0)  # so that the old ways back are still there
+            order = self._ordered(better, touches, kicks=0)  # so that the old ways back are still there
             if not order.blocked:
-                shorter = self._ordered(moved, touches)
+                shorter = self._ordered(better, touches)
                 order = order if shorter.blocked else shorter
-                return moved.take(order.index), order
+                return better.take(order.index), order
             ends = np.unique(
                 np.concatenate([order.index[max(0, i + 1 - around) : i + 1 + around] for i in order.blocked])
             )
-            moved = replaced(moved, ends, touches.take(ends))
+            better = replaced(better, ends, touches.take(ends))
         order = self._ordered(touches)
         return touches.take(order.index), order
 

@@ -75,9 +75,9 @@ def plan_under_uncertainty(
     cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None = None, trail: Plan | None = None
 ) -> Plan:
     """A plan for a badly known robot, that begins with a clear way from the last touch of a trail."""
-    found = make_candidate_set(cell, rng, after=after, count=ROUGH)
+    start = make_candidate_set(cell, rng, after=after, count=ROUGH)
     for risk in RISKS:
-        candidate_set = UncertainCandidateSet(found.prior, found.candidates, risk, lifting=False)
+        candidate_set = UncertainCandidateSet(start.prior, start.candidates, risk, lifting=False)
         order = visited(candidate_set, Best(candidate_set, n, "V"), rng).order
         plan = plan_of(candidate_set.candidates.take(order.index))
         started = begun(plan, candidate_set.edges, trail)
@@ -88,11 +88,11 @@ def plan_under_uncertainty(
 
 def in_reach(plan: Plan, edges: Edges) -> Plan:
     """The touches of a plan that clear ways lead to, each from the one before: the others are given up."""
-    kept = [0]
+    path = [0]
     for k in range(1, len(plan)):
-        if edges.clear(plan.approach[kept[-1:]], plan.approach[[k]])[0]:
-            kept.append(k)
-    return plan.take(np.array(kept))
+        if edges.clear(plan.approach[path[-1:]], plan.approach[[k]])[0]:
+            path.append(k)
+    return plan.take(np.array(path))
 
 
 def begun(plan: Plan, edges: Edges, trail: Plan | None) -> Plan:
@@ -106,8 +106,8 @@ def begun(plan: Plan, edges: Edges, trail: Plan | None) -> Plan:
     for back in _retreats(trail.approach[::-1], edges):
         start = back[-1:] if len(back) else trail.approach[-1:]
         for anew in (False, True):
-            if (found := _from(start, plan.approach, edges, anew)) is not None:
-                return _over(plan.take(found), back)
+            if (order := _from(start, plan.approach, edges, anew)) is not None:
+                return _over(plan.take(order), back)
     return plan
 
 
@@ -145,8 +145,8 @@ def _from(
     """An order with clear ways from a start: one found anew, or the one that is there, or its reverse."""
     places = np.vstack([start, at])
     if anew:
-        found = _walk(edges.among(places), np.abs(places[:, None] - places[None]).max(axis=2))
-        return None if found is None else np.array(found[1:]) - 1
+        walk = _walk(edges.among(places), np.abs(places[:, None] - places[None]).max(axis=2))
+        return None if walk is None else np.array(walk[1:]) - 1
     if not edges.clear(at[:-1], at[1:]).all():
         return None
     first, last = edges.clear(np.vstack([start, start]), at[[0, -1]])
@@ -159,16 +159,16 @@ def _walk(clear: Bool[np.ndarray, "places places"], far: Float[np.ndarray, "plac
 
     A place with one clear way left is taken before all others, so that few steps are taken back.
     """
-    way, left = [0], [_next(clear, far, [0])]
+    way, stack = [0], [_next(clear, far, [0])]
     for _ in range(LOOKS):
         if len(way) == len(clear):
             return way
-        if left[-1]:
-            way.append(left[-1].pop(0))
-            left.append(_next(clear, far, way))
+        if stack[-1]:
+            way.append(stack[-1].pop(0))
+            stack.append(_next(clear, far, way))
         elif len(way) > 1:
             way.pop()
-            left.pop()
+            stack.pop()
         else:
             return None
     return None

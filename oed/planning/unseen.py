@@ -33,14 +33,14 @@ class UnseenPlan:
 
 def plan_unseen(
     cell: Cell,
-    seen: Float[np.ndarray, "touches joints"],
+    fit: Float[np.ndarray, "touches joints"],
     n: int | None = None,
     rng: np.random.Generator | None = None,
     *,
     after: Calibration | None = None,
     count: int = COUNT,
 ) -> UnseenPlan:
-    """Choose `n` touches (20) that differ from the joints of those of the fit, `seen` [rad] or [mm].
+    """Choose `n` touches (20) that differ from those of the `fit`, whose joint values are given [rad] or [mm].
 
     They stand for all touches that can be made, each face counting alike: the greedy solution of the facility location
     problem (Nemhauser, Wolsey, Fisher 1978), distances being those of contact points and joints in units of their
@@ -53,7 +53,7 @@ def plan_unseen(
         raise InputError(
             f"{n} touches are asked for, and {len(candidate_set.candidates)} were found that can be made; ask for fewer"
         )
-    features, away = _features(candidate_set.candidates, seen)
+    features, away = _features(candidate_set.candidates, fit)
     weight = 1 / candidate_set.candidates.number[candidate_set.candidates.face]
     sample = rng.choice(len(features), min(SAMPLE, len(features)), replace=False, p=weight / weight.sum())
     visit = visited(candidate_set, lambda allowed, before: _representative(features, away & allowed, sample, n), rng)
@@ -63,7 +63,7 @@ def plan_unseen(
     plan = with_via(plan_of(touches), order.via)
     return UnseenPlan(
         plan=plan,
-        apart=_apart(cell, touches.q, seen),
+        apart=_apart(cell, touches.q, fit),
         minutes=minutes(candidate_set.cell, plan, candidate_set.deviations(touches)),
         notes=(
             *candidate_set.candidates.notes,
@@ -74,16 +74,16 @@ def plan_unseen(
 
 
 def _features(
-    candidates: Candidates, seen: Float[np.ndarray, "touches joints"]
+    candidates: Candidates, fit: Float[np.ndarray, "touches joints"]
 ) -> tuple[Float[np.ndarray, "touches features"], Bool[np.ndarray, " touches"]]:
     """Contact points and joints in units of their spread, and which touches are not among the nearest to one seen."""
     scale = np.maximum(candidates.q.std(axis=0), 1e-9)
     features = np.hstack([candidates.point / np.maximum(candidates.point.std(axis=0), 1e-9), candidates.q / scale])
-    if not len(seen):
+    if not len(fit):
         return features, np.ones(len(features), dtype=bool)
     from scipy.spatial import KDTree
 
-    distance = KDTree(seen / scale).query(candidates.q / scale)[0]
+    distance = KDTree(fit / scale).query(candidates.q / scale)[0]
     return features, np.asarray(distance > np.quantile(distance, NEAREST))
 
 
@@ -98,16 +98,16 @@ def _representative(
 
     eligible = np.concatenate([sample[allowed[sample]], np.setdiff1d(np.flatnonzero(allowed), sample)])[:SAMPLE]
     distance = cdist(features[sample], features[eligible])
-    nearest, chosen = np.full(len(sample), np.inf), list[int]()
+    nearest, members = np.full(len(sample), np.inf), list[int]()
     for _ in range(n):
         total = np.minimum(distance, nearest[:, None]).sum(axis=0)
-        total[chosen] = np.inf
-        chosen.append(int(total.argmin()))
-        nearest = np.minimum(nearest, distance[:, chosen[-1]])
-    return eligible[chosen]
+        total[members] = np.inf
+        members.append(int(total.argmin()))
+        nearest = np.minimum(nearest, distance[:, members[-1]])
+    return eligible[members]
 
 
-def _apart(cell: Cell, q: Float[np.ndarray, "touches joints"], seen: Float[np.ndarray, "seen joints"]) -> float | None:
-    if not len(seen):
+def _apart(cell: Cell, q: Float[np.ndarray, "touches joints"], fit: Float[np.ndarray, "seen joints"]) -> float | None:
+    if not len(fit):
         return None
-    return float((np.abs(q[:, None] - seen) / cell.robot.joint_unit()).max(axis=2).min())
+    return float((np.abs(q[:, None] - fit) / cell.robot.joint_unit()).max(axis=2).min())

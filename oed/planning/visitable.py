@@ -25,7 +25,7 @@ from probe.motion.tour import Order
 
 GAP = 3e-3  # of the relaxation: its bound holds at any gap
 FEW = 6  # local searches, where touches are chosen again and again
-USED = 60  # touches of the relaxation that are asked whether clear ways join them
+SUPPORT = 60  # touches of the relaxation that are asked whether clear ways join them
 POOL = 400  # touches that an exchange over several robots looks at
 ROBOTS = 48  # of them
 AVERAGE = 1.0  # times all of these together, that the average robot counts beside them
@@ -55,22 +55,22 @@ def visited(candidate_set: CandidateSet, pick: Pick, rng: np.random.Generator) -
     """
     cell, at = candidate_set.cell, candidate_set.candidates.approach
     allowed = np.ones(len(at), dtype=bool)
-    chosen, best, least = pick(allowed, None), None, 0
+    members, best, least = pick(allowed, None), None, 0
     for attempt in range(TRIES + MENDS):
-        found, clear = candidate_set.visit(candidate_set.candidates.take(chosen), rng, kicks=0)
-        away = _away(candidate_set.groups(candidate_set.candidates.take(chosen)), np.ones(len(chosen)))
-        if best is None or len(found.blocked) + away.sum() < least:
-            best, least = Visit(replace(found, index=chosen[found.index]), allowed), len(found.blocked) + away.sum()
+        order, clear = candidate_set.visit(candidate_set.candidates.take(members), rng, kicks=0)
+        away = _away(candidate_set.groups(candidate_set.candidates.take(members)), np.ones(len(members)))
+        if best is None or len(order.blocked) + away.sum() < least:
+            best, least = Visit(replace(order, index=members[order.index]), allowed), len(order.blocked) + away.sum()
         if not least:
             break
-        bad = astray(clear, np.array([found.index[[i, i + 1]] for i in found.blocked], dtype=int))
+        bad = astray(clear, np.array([order.index[[i, i + 1]] for i in order.blocked], dtype=int))
         bad = np.union1d(bad, np.flatnonzero(away))
-        good = np.setdiff1d(np.arange(len(chosen)), bad)
-        fewer = allowed & ~like(cell, at, at[chosen[bad]], at[chosen[good]])
-        if fewer.sum() < len(chosen):
+        good = np.setdiff1d(np.arange(len(members)), bad)
+        fewer = allowed & ~like(cell, at, at[members[bad]], at[members[good]])
+        if fewer.sum() < len(members):
             break
         allowed = fewer
-        chosen = pick(allowed, chosen) if attempt < TRIES else _mended(candidate_set, chosen, bad, allowed)
+        members = pick(allowed, members) if attempt < TRIES else _mended(candidate_set, members, bad, allowed)
     assert best is not None
     return best
 
@@ -88,15 +88,15 @@ def linked(best: "Best") -> tuple[Bool[np.ndarray, " touches"], Candidates]:
     )
     for _ in range(TRIES):
         weights = best.bound(allowed).weights
-        some = np.argsort(-weights, kind="stable")[:USED]
-        used = np.flatnonzero(allowed)[some]
-        group = candidate_set.groups(candidate_set.candidates.take(used))
+        some = np.argsort(-weights, kind="stable")[:SUPPORT]
+        support = np.flatnonzero(allowed)[some]
+        group = candidate_set.groups(candidate_set.candidates.take(support))
         main = ~_away(group, weights[some])
-        fewer = allowed & ~like(cell, at, at[used[~main]], at[used[main]])
+        fewer = allowed & ~like(cell, at, at[support[~main]], at[support[main]])
         if main.all() or fewer.sum() < n:
             break
         allowed = fewer
-    return allowed, candidate_set.candidates.take(used[main])
+    return allowed, candidate_set.candidates.take(support[main])
 
 
 def _away(group: Int[np.ndarray, " some"], weight: Float[np.ndarray, " some"]) -> Bool[np.ndarray, " some"]:
@@ -116,28 +116,28 @@ def joined(candidate_set: CandidateSet, core: Candidates, touches: Candidates) -
 
 def _mended(
     candidate_set: CandidateSet,
-    chosen: Int[np.ndarray, " n"],
+    members: Int[np.ndarray, " n"],
     bad: Int[np.ndarray, " some"],
     allowed: Bool[np.ndarray, " touches"],
 ) -> Int[np.ndarray, " n"]:
     """The touches with those that lead astray replaced by others that tell nearly the same and have clear ways."""
     at, coordinates = candidate_set.candidates.approach, candidate_set.all_unknowns
-    kept = np.delete(chosen, bad)
+    rest = np.delete(members, bad)
     F = candidate_set.rows @ coordinates.basis
-    F = F @ np.linalg.cholesky(np.linalg.inv(coordinates.information(F[chosen])))  # so that distances mean information
-    for i in chosen[bad]:
+    F = F @ np.linalg.cholesky(np.linalg.inv(coordinates.information(F[members])))  # so that distances mean information
+    for i in members[bad]:
         distance = np.minimum(((F - F[i]) ** 2).sum(axis=1), ((F + F[i]) ** 2).sum(axis=1))
         distance[~allowed] = np.inf
-        distance[kept] = np.inf
+        distance[rest] = np.inf
         near = np.argsort(distance, kind="stable")[:LOOKS]
-        pairs = np.array([[a, b] for a in near for b in kept])
+        pairs = np.array([[a, b] for a in near for b in rest])
         clear = (
             candidate_set.edges.clear(at[pairs[:, 0]], at[pairs[:, 1]], COARSE)
-            .reshape(len(near), len(kept))
+            .reshape(len(near), len(rest))
             .sum(axis=1)
         )
-        kept = np.append(kept, near[int(np.argmax(clear >= min(NEIGHBOURS, clear.max())))])
-    return kept
+        rest = np.append(rest, near[int(np.argmax(clear >= min(NEIGHBOURS, clear.max())))])
+    return rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class Best:
         start = None if before is None else np.searchsorted(some, np.intersect1d(before, some))
         searches = self.searches if before is None else min(self.searches, FEW)
         seconds = self.seconds if before is None else None
-        found = exact_design(
+        design = exact_design(
             self.rows[some],
             self.n,
             self.measure,
@@ -179,16 +179,16 @@ class Best:
             positions=_places(self.candidate_set.candidates)[some],
             min_distance=1.0,
         )
-        return some[found.indices]
+        return some[design.indices]
 
     def bound(self, allowed: Bool[np.ndarray, " touches"]) -> ApproximateDesign:
         """The best weights on touches, and the bound that they give."""
         name, start = allowed.tobytes(), None
         if name not in self._bounds:
             if self._bounds:
-                before, found = next(reversed(self._bounds.items()))
+                before, design = next(reversed(self._bounds.items()))
                 start = np.zeros(len(allowed))
-                start[np.frombuffer(before, bool)] = found.weights
+                start[np.frombuffer(before, bool)] = design.weights
                 start = start[allowed]
             self._bounds[name] = approximate_design(
                 self.rows[allowed], self.measure, GAP, touches=self.n, prior=self.coordinates.precision, start=start
@@ -221,9 +221,9 @@ def measured(
     criterion: str | Criterion, candidate_set: CandidateSet, tip: Float[np.ndarray, "poses 3 unknowns"] | None = None
 ) -> Criterion:
     """A criterion of the poses of the weld zone, or of points with other rows, if it needs any."""
-    chosen, coordinates = criterion_named(criterion), candidate_set.coordinates(criterion)
-    zone = coordinates.of_tip(candidate_set.tip if tip is None else tip) if chosen.needs_zone else None
-    return chosen.on(zone, len(coordinates))
+    formula, coordinates = criterion_named(criterion), candidate_set.coordinates(criterion)
+    zone = coordinates.of_tip(candidate_set.tip if tip is None else tip) if formula.needs_zone else None
+    return formula.on(zone, len(coordinates))
 
 
 def expected(best: Best) -> Pick:

@@ -113,8 +113,8 @@ def workpiece_prior(placed: Cell, after: Calibration | None) -> Information:
     if after is None:
         return prior_information(placed)
     assert placed.base is not None
-    known, count = posterior(after), len(after.estimated)
-    C = known.covariance()[:count, :count]
+    estimate, count = posterior(after), len(after.estimated)
+    C = estimate.covariance()[:count, :count]
     base = [k for k in range(count) if after.index[k] < 6]
     links = [k for k in range(count) if k not in base]
     A = _seen_from(placed, after)[:, [after.index[k] for k in base]]
@@ -146,8 +146,8 @@ def _seen_from(placed: Cell, after: Calibration) -> Float[np.ndarray, "6 6"]:
     assert placed.base is not None
     workpiece_T_jig = transform(placed.base) @ inverse(transform(after.theta[:6]))
     steps = STEP * np.concatenate([np.eye(6), -np.eye(6)])
-    moved = pose(workpiece_T_jig @ transform(after.theta[:6] + steps))
-    return np.asarray((moved[:6] - moved[6:]).T / (2 * STEP))
+    placement = pose(workpiece_T_jig @ transform(after.theta[:6] + steps))
+    return np.asarray((placement[:6] - placement[6:]).T / (2 * STEP))
 
 
 def corner_rows(prior: Information, after: Calibration | None) -> Float[np.ndarray, "corners 3 unknowns"]:
@@ -163,10 +163,10 @@ def corner_rows(prior: Information, after: Calibration | None) -> Float[np.ndarr
     G, rows = np.stack(moves, axis=2), np.zeros((len(corner), 3, len(unknowns)))
     rows[:, :, unknowns.index(unknowns.cell.robot.parameters[:6])] = G
     if after is not None:
-        seen = G @ _seen_from(unknowns.cell, after)
+        slopes = G @ _seen_from(unknowns.cell, after)
         for k, name in enumerate(unknowns.names):
             if name.startswith(CALIBRATED):
-                rows[:, :, k] = -seen[:, :, after.cell.robot.parameters.index(name.removeprefix(CALIBRATED))]
+                rows[:, :, k] = -slopes[:, :, after.cell.robot.parameters.index(name.removeprefix(CALIBRATED))]
     return rows * unknowns.scale
 
 

@@ -15,8 +15,8 @@ from probe.line.watch import Watch
 POLL = 0.02  # [s]
 SETTLED = 0.02  # [s] without a change of position: the task of LinuxCNC looks every 1 to 10 ms
 STALLED = 2.5  # [s] between two looks at whether a motion goes on: a feed hold, or an override of 0
-SHOWN = 1.0  # [s] before a question to the parameters is asked again: another screen may have taken the answer
-ASKED = 5.0  # [s] before such questions are given up
+REPEAT = 1.0  # [s] before a question to the parameters is asked again: another screen may have taken the answer
+GIVE_UP = 5.0  # [s] before such questions are given up
 HOMING = 180.0  # [s]
 
 
@@ -108,11 +108,11 @@ class Machine:
 
     def parameters(self, names: str) -> list[float]:
         """Values of parameters, shown as a message with a tag of ours; NaN where one does not exist."""
-        deadline = self._clock.now() + ASKED
+        deadline = self._clock.now() + GIVE_UP
         while self._clock.now() < deadline:
             tag = f"touchcal {secrets.token_hex(3)}"
             self.mdi(f"(DEBUG,{tag} {names})")
-            deadline_to_answer = self._clock.now() + SHOWN
+            deadline_to_answer = self._clock.now() + REPEAT
             while self._clock.now() < deadline_to_answer:
                 text = self.shell.get("operator_display")
                 if text.startswith(tag):

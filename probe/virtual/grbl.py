@@ -175,22 +175,22 @@ class GrblController(GrblState):
     def _move(self, axes: Float[np.ndarray, " joints"]) -> list[bytes]:
         robot = self.robot.cell.robot
         here = robot.to_controller(self._planned) / self.unit
-        wanted = (
+        goal = (
             here + np.nan_to_num(axes)
             if self.modes["distance"] == "G91"
             else np.where(np.isnan(axes), here, axes + self.offset)
         )
-        if "same-place" in self.quirks and self.motion.startswith("G38") and np.allclose(wanted, here, atol=1e-6):
+        if "same-place" in self.quirks and self.motion.startswith("G38") and np.allclose(goal, here, atol=1e-6):
             return [error(33)]
-        target = robot.from_controller(wanted * self.unit)
+        target = robot.from_controller(goal * self.unit)
         if ((target < robot.lower) | (target > robot.upper)).any():
             self.alarm = 2
             self._queue.clear()
             self.robot.stop("LIMIT")
             return [b"ALARM:2\r\n", b"[MSG:Reset to continue]\r\n"]
-        lengths = 1.0 if self.modes["feed"] == "G93" else float(np.linalg.norm(wanted - here))
+        lengths = 1.0 if self.modes["feed"] == "G93" else float(np.linalg.norm(goal - here))
         seconds = 60 / self.feed_rate * lengths if self.motion != "G0" else 0.0
-        farthest = float(np.max(np.abs(wanted - here) * self.unit))
+        farthest = float(np.max(np.abs(goal - here) * self.unit))
         return self._push(Queued(self.motion, target, np.radians(farthest / seconds) if seconds else RAPID))
 
     def _push(self, queued: Queued) -> list[bytes]:

@@ -32,7 +32,7 @@ SECOND = {  # shift [mm] and turn about the vertical [deg] of the jig
 }
 LOOSE = np.repeat([10.0, np.radians(2.0)], 3)  # [mm, rad] by which the second place is known
 HIGH = 100.0  # [mm], what turns of the jig turn about, beside its place
-KNOWN = 1e-6  # of that, where it is known
+SURE = 1e-6  # of that, where it is known
 GAP = 1e-3
 ITERATIONS = 8  # of Gauss-Newton
 STEP = 1e-6  # [mm, rad], for differences of a base
@@ -61,8 +61,8 @@ def second_places(
     both = np.vstack([own, others])
     free = np.block([[own, nothing], [others, pose_rows]])
     for what, loose, X, P, Z in (
-        ("first place alone", KNOWN, own, prior, tip),
-        (f"and {name}, place known", KNOWN, both, prior, tip),
+        ("first place alone", SURE, own, prior, tip),
+        (f"and {name}, place known", SURE, both, prior, tip),
         (f"and {name}, place unknown", 1.0, free, unknown, wider),
     ):
         weights = approximate_design(X, "V", GAP, touches=TOUCHES, prior=P, zone=Z)

@@ -10,7 +10,7 @@ from identify.model.files import InputError
 from identify.model.frames import transform
 from identify.model.shape import Shape
 from oed.candidates.kinds import measurements
-from oed.candidates.sight import REASONS, SEEN, sight
+from oed.candidates.sight import IN_SIGHT, REASONS, sight
 from probe.motion.clearance import Clearance
 
 STAND = np.array([200.0, -2300.0, 600.0])
@@ -37,7 +37,7 @@ def seen(arc_welder, q):
 
 
 def test_a_cell_that_does_not_say_where_its_tracker_stands_drops_nothing(seen):
-    assert (seen(Device())[0] == SEEN).all()
+    assert (seen(Device())[0] == IN_SIGHT).all()
 
 
 def test_a_tracker_sees_as_far_as_its_range(seen):
@@ -128,7 +128,7 @@ def test_what_is_out_of_sight_is_left_out_and_counted(arc_welder, rng):
 
     table, (note,) = measurements(cell, "position", rng, 40)
 
-    assert (sight(cell, "position", Clearance(cell, cell.theta), table.q, None, None) == SEEN).all()
+    assert (sight(cell, "position", Clearance(cell, cell.theta), table.q, None, None) == IN_SIGHT).all()
     assert "out of sight of the tracker at (200, -2300, 600) mm" in note
     assert REASONS[FAR] in note
     assert REASONS[AWAY] in note
