@@ -14,6 +14,7 @@ from identify.model.touch import Plan
 from probe import Session, Settings, open_controller, retreat, run
 from probe.line.clock import Clock
 from probe.line.controller import Controller
+from probe.motion.joint_path import reach
 from probe.runs.events import Finished, Listener, ignore
 from probe.runs.journal import read_records
 from probe.runs.session import journal_path
@@ -64,7 +65,8 @@ class Connection:
     def controller(self, cell: Cell, plan: Plan, journal: Path) -> Iterator[tuple[Controller, Clock]]:
         """Connect; a virtual robot stands where the journal says that it was, else at the first approach."""
         with self._served(cell, plan, journal) as (url, clock):
-            controller = open_controller(url, self.protocol, cell.robot, clock=clock, **self.options)
+            more = {"reach": reach(cell, plan)} if self.protocol == "grbl" else {}
+            controller = open_controller(url, self.protocol, cell.robot, clock=clock, **more, **self.options)
             with closing(controller):
                 yield controller, clock
 

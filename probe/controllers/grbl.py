@@ -51,7 +51,8 @@ LAST_OF_GRBL = 3  # of $10: grblHAL has more bits than GRBL
 SHOWN = 16 + 128  # of $10: the bits of the input and of the probe
 NO_OFFSETS = {"error:20", "error:37"}  # no G43.1, or for one axis only
 DISTURBED = "GRBL understands another target than it was told; is the line disturbed?"
-ASTRAY = 0.017  # [deg] further until it stands: with OFF half a millimetre in all, a metre from the axis
+ASTRAY = 0.47  # [mm] that the tip may be off the commanded path when the robot stands again
+REACH = 1000.0  # [mm], at most: with a longer arm the tip may be off by more in proportion
 DIGIT = 0.8  # [axis units] that one changed digit of a motion leads astray
 REACTION = 0.03  # [s] from a report to where the robot holds
 OFTEN = 0.02  # [s] between two reports, at least
@@ -61,7 +62,8 @@ SLOW = 1.0  # [deg/s] where a target cannot be checked: the watch stops it withi
 class Grbl:
     """The host's side of GRBL; `axis_unit_deg` is what one unit of a turning axis means there.
 
-    GRBL prints three decimals: let a unit be 0.1 deg, and a touch is known to a hundredth of its scatter.
+    GRBL prints three decimals: let a unit be 0.1 deg, and a touch is known to a hundredth of its scatter. `reach` [mm]
+    is how far the tip comes from the axis of a joint: the nearer it stays, the faster a motion may be that is watched.
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class Grbl:
         clock: Clock,
         *,
         axis_unit_deg: float = 1.0,
+        reach: float = REACH,
         unlock: bool = False,
         home: bool = False,
     ) -> None:
@@ -79,6 +82,7 @@ class Grbl:
         self.link = GrblLink(transport, clock, self.joints)
         self._unit = np.where(robot.prismatic, 1.0, np.radians(axis_unit_deg))
         self._degree = robot.joint_unit()  # [rad] or [mm]
+        self._further = float(np.degrees(ASTRAY / min(reach, REACH))) - OFF  # [deg] from the first report off the path
         self._unlock, self._home, self._number = unlock, home, 0
         self._checks = True  # whether GRBL says which target it understood
 
@@ -217,8 +221,8 @@ class Grbl:
         A digit changed in the line leads astray by DIGIT in the course of the motion; from OFF on the robot is stopped.
         """
         degrees = DIGIT * float(np.max(self._unit / self._degree))
-        react = ASTRAY * seconds / degrees
-        return float(np.clip(react - REACTION, OFTEN, self.link.poll)), degrees * (OFTEN + REACTION) / ASTRAY
+        react = self._further * seconds / degrees
+        return float(np.clip(react - REACTION, OFTEN, self.link.poll)), degrees * (OFTEN + REACTION) / self._further
 
     def _tells_offsets(self) -> bool:
         """Whether GRBL says which tool offset it has understood; raises Refused where the line is too disturbed."""

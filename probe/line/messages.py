@@ -4,8 +4,9 @@ import re
 from dataclasses import dataclass
 
 LAST_NUMBER = 65535
-GREETING = re.compile(r"0 OK TOUCH/1 boot=(\S+) joints=(\d+) last=(\d+) nonce=(\S+)")
-STATUS = re.compile(r"! ST boot=(\S+) (RUN|IDLE) seq=(\d+)(?: hb=(\d+))? probe=([01]) q=(\S+)")
+# words that a controller of another make says besides come last, and are ignored
+GREETING = re.compile(r"0 OK TOUCH/1 boot=(\S+) joints=(\d+) last=(\d+) nonce=(\S+)(?: .*)?")
+STATUS = re.compile(r"! ST boot=(\S+) (RUN|IDLE) seq=(\d+)(?: hb=(\d+))? probe=([01]) q=(\S+)(?: .*)?")
 ANSWER = re.compile(r"(\d+) (ACK|OK|CONTACT|NOCONTACT|ERR)(?: (.*))?")
 
 

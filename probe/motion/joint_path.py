@@ -13,6 +13,8 @@ from probe.motion.settings import Settings
 
 CREEP = 1e-3  # [rad/s], for a motion that goes nowhere
 Joints = Float[np.ndarray, " joints"]
+SMALL = 1e-4  # [rad]
+BETWEEN = 1.1  # times as far from an axis between two postures as in one of them
 SAMPLES = 33  # of a joint path, for the length of the tip's way
 
 
@@ -114,3 +116,12 @@ class Geometry:
         square = float(line @ line)
         s = float((p - a) @ line / square) if square else 0.0
         return s, float(np.radians(np.abs(p - a - s * line).max()))
+
+
+def reach(cell: Cell, plan: Plan) -> float:
+    """The largest distance of the tip from the axis of a turning joint [mm], on the ways and searches of a plan."""
+    q = np.concatenate([plan.q, *(plan.way(i) for i in range(len(plan)))])
+    turns = SMALL * np.eye(q.shape[1])[np.logical_not(cell.robot.prismatic)]
+    turned = cell.kinematics.tip((q + turns[:, None]).reshape(-1, q.shape[1]), cell.theta)[0]
+    away = turned.reshape(len(turns), *q.shape[:1], 3) - cell.kinematics.tip(q, cell.theta)[0]
+    return BETWEEN * float(np.linalg.norm(away, axis=2).max(initial=0.0)) / SMALL

@@ -21,7 +21,7 @@ class Settings:
     """[mm/s] of a first, quick search before the one that counts; None: without."""
     sure: float = 5.0
     """Standard deviations of a prediction: what is further off is a surprise."""
-    near: float = 2.0
+    near: float = 0.5
     """[mm] beyond what the prediction may be wrong by, from where on the tip searches."""
     near_speed: float = 100.0
     """[mm/s] of the tip from the approach to there."""

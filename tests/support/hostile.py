@@ -37,6 +37,7 @@ from probe.controllers.grbl import Grbl
 from probe.controllers.line import Line
 from probe.controllers.linuxcnc import LinuxCNC
 from probe.line.controller import TouchError
+from probe.motion.joint_path import reach
 from probe.motion.settings import Settings
 from probe.runs import execution, retreat
 from probe.runs.preflight import validate
@@ -54,6 +55,7 @@ class Bench:
     def __init__(self) -> None:
         self.cell: Cell = pointed(read_cell(library("cells")["arc-welder"]))
         self.plan: Plan = clear_plan(self.cell, TOUCHES)
+        self.reach = reach(self.cell, self.plan)
         self.theta = disturbed(self.cell)
         drawn = draw_truth(self.cell, np.random.default_rng(3), scale=0.15)
         self.truth: Truth = replace(with_effects(drawn, sigma=0.0), theta=self.theta)
@@ -158,7 +160,8 @@ class Trial:
             case "line":
                 return Line(self.line, robot, self.clock)
             case "grbl":
-                return Grbl(self.line, robot, self.clock, axis_unit_deg=self.schedule.unit, unlock=True)
+                unit, near = self.schedule.unit, self.bench.reach
+                return Grbl(self.line, robot, self.clock, axis_unit_deg=unit, reach=near, unlock=True)
             case _:
                 return LinuxCNC(self.line, robot, self.clock, home=True)
 

@@ -59,7 +59,7 @@ def grbl_of(
         clock = Ticks()
         world = TrueWorld(bench.cell, bench.theta, clock, start)
         line = transport(GrblDevice(world, clock, bench.truth, unit), *spoil)
-        grbl = Grbl(line, bench.cell.robot, clock, axis_unit_deg=unit)
+        grbl = Grbl(line, bench.cell.robot, clock, axis_unit_deg=unit, reach=bench.reach)
         grbl.connect()
         yield grbl, world, line
 

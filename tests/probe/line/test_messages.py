@@ -15,6 +15,16 @@ def test_a_status_is_read_with_and_without_the_number_that_it_answers() -> None:
     assert read_status(first_version) == Status("A1B2", False, 12, 0, False, "1.00000,-2.50000")
 
 
+def test_words_that_another_maker_adds_behind_are_ignored() -> None:
+    """The defect: a controller that named its maker in the greeting was not recognised."""
+    status = "! ST boot=A1B2 RUN seq=12 hb=7 probe=1 q=1.00000,-2.50000"
+    greeting = GREETING.fullmatch("0 OK TOUCH/1 boot=X9 joints=6 last=41 nonce=5f vendor=Acme v2")
+
+    assert read_status(f"{status} tool=1 temp=31.5") == read_status(status)
+    assert greeting is not None
+    assert greeting.groups() == ("X9", "6", "41", "5f")
+
+
 @pytest.mark.parametrize("broken", ["", "! ST", "! ST boot=A1 WALK seq=1 hb=1 probe=0 q=1", "12 OK q=1"])
 def test_what_is_no_status_is_none(broken: str) -> None:
     assert read_status(broken) is None

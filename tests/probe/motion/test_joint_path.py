@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from virtual_support import make_plan
 
 from identify.model.cell import Cell
 from identify.model.joint_counting import JointCounting
-from probe.motion.joint_path import CREEP, Geometry
+from probe.motion.joint_path import CREEP, Geometry, reach
 from probe.motion.settings import Settings
 
 START, END = np.array([0.1, 0.2, -0.3, 0.2, 0.9, 0.3]), np.array([0.3, 0.1, -0.1, 0.0, 1.1, 0.1])
@@ -88,3 +89,16 @@ def test_spans_are_counted_as_the_controller_counts(arc_welder: Cell) -> None:
     span = Geometry(replace(arc_welder, robot=coupled), Settings()).span(START, START + np.eye(6)[1] - np.eye(6)[2])
 
     assert span == pytest.approx(2.0)  # of j3, whose own angle falls by one while that of joint 2 rises by one
+
+
+def test_the_reach_is_the_distance_of_the_tip_from_the_farthest_axis(arc_welder: Cell) -> None:
+    """A joint that turns by an angle moves the tip along a chord of the circle around its axis."""
+    plan, angle = make_plan(arc_welder, 4), 0.3
+    q = np.concatenate([plan.q, plan.approach])
+    turns = angle * np.eye(q.shape[1])
+    ends = [
+        arc_welder.kinematics.tip(row + np.stack([turn, -turn]), arc_welder.theta)[0] for row in q for turn in turns
+    ]
+    farthest = max(float(np.linalg.norm(a - b)) for a, b in ends) / (2 * np.sin(angle))
+
+    assert farthest <= reach(arc_welder, plan) <= 1.2 * farthest

@@ -11,7 +11,7 @@ from probe.motion.settings import Settings
 
 # [min] that 100 touches may take, searched at 10 mm/s; the arm of GRBL accelerates here, and is slowed on short ways so
 # that a wrong digit is seen in time; the end of a motion of LinuxCNC is looked at twice
-HUNDRED = {"line": 6.2, "grbl": 7.0, "linuxcnc": 6.35}
+HUNDRED = {"line": 6.1, "grbl": 6.8, "linuxcnc": 6.25}
 COUNT = 12
 SHARE = 0.05  # of a core
 
