@@ -66,7 +66,7 @@ class Connection:
         """Connect; a virtual robot stands where the journal says that it was, else at the first approach."""
         with self._served(cell, plan, journal) as (url, clock):
             more = {"reach": reach(cell, plan)} if self.protocol == "grbl" else {}
-            controller = open_controller(url, self.protocol, cell.robot, clock=clock, **more, **self.options)
+            controller = open_controller(url, self.protocol, cell.robot, clock=clock, **(more | dict(self.options)))
             with closing(controller):
                 yield controller, clock
 
