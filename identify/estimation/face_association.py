@@ -12,6 +12,7 @@ from identify.model.io.calibration_file import Calibration, Errors, Residual, fi
 from identify.model.jig import Face, Jig
 from identify.model.measurement import Rows, measurement_model, rows
 from identify.model.touch import Touches
+from identify.uncertainty.information import map_step
 
 STEPS = 30  # of Gauss and Newton; six are usual
 BEYOND = 5.0  # standard deviations at which a touch is on something else
@@ -180,10 +181,8 @@ class _Search:
         theta = theta.copy()
         for _ in range(steps):
             r, J = self._linearize(theta, face)
-            W = J[:, self.free] * self.prior / sigma[:, None]
-            M = W.T @ W + np.eye(len(self.prior))
-            pull = (self.cell.theta - theta)[self.free] / self.prior
-            step = np.linalg.solve(M, pull - W.T @ (r / sigma))
+            offset = (theta - self.cell.theta)[self.free]
+            step, M = map_step(r, J[:, self.free], sigma, offset, self.prior)
             theta[self.free] += self.prior * step
             if np.abs(step).max() < 1e-9:
                 break

@@ -150,11 +150,6 @@ class MeasurementModel:
         self._made = conditions(robot) if set(robot.errors) & CONDITIONAL else None
         self._functions: dict[str, Mapped] = {}
 
-    @property
-    def conditional(self) -> bool:
-        """Whether touches depend on how they were made."""
-        return self._made is not None
-
     def _compiled(self, name: str) -> Mapped:
         """An equation and its derivatives, compiled when first asked for, of the numbers that it uses."""
         if name not in self._functions:

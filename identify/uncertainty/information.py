@@ -147,3 +147,19 @@ def prior_information(cell: Cell) -> Information:
                 "that may be anywhere; write its nominal pose in cell.yaml, or give an earlier calibration with --after"
             )
     return Information.prior(replace(Unknowns.of(cell), named=()))
+
+
+def map_step(
+    residual: Float[np.ndarray, " rows"],
+    J: Float[np.ndarray, "rows parameters"],
+    sigma: Float[np.ndarray, " rows"],
+    offset: Float[np.ndarray, " parameters"],
+    prior: Float[np.ndarray, " parameters"],
+) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, "parameters parameters"]]:
+    """The Gauss-Newton step to the most probable parameters, and their precision, both in units of the `prior`.
+
+    `offset` is what the parameters lie beside the middle of the prior now.
+    """
+    W = J * prior / sigma[:, None]
+    M = W.T @ W + np.eye(len(prior))
+    return np.linalg.solve(M, -offset / prior - W.T @ (residual / sigma)), M

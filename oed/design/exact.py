@@ -14,7 +14,6 @@ from jaxtyping import Float, Int
 
 from oed.criteria.criterion import Criterion
 from oed.criteria.swaps import Members, Precision, Swaps
-from oed.design.constraints import Rules
 from oed.design.matrix import blocks, information, whitener
 from oed.design.memetic import LocalOptimum, Pool, evolve
 from oed.design.problem import DesignProblem, design_problem
@@ -201,17 +200,6 @@ def swaps_of(
     """
     T = whitener(before + information(rows)) if basis is None else basis
     return criterion.in_basis(T).swaps(rows @ T, T.T @ before @ T, precision)
-
-
-def exchanged(
-    swaps: Swaps, n: int, members: Int[np.ndarray, " some"] | None = None, rules: Rules | None = None
-) -> Int[np.ndarray, " n"]:
-    """A set completed to n touches, each time with the one that adds most, then improved by swaps until none helps."""
-    pool = Pool(swaps, Rules(len(swaps.rows)) if rules is None else rules, n)
-    whole = pool.completed(np.zeros(0, int) if members is None else members)
-    if whole is None:
-        raise ValueError(f"rules: no way was found to {n} touches that keep them; loosen one")
-    return pool.descend(whole).members
 
 
 def _swaps(problem: DesignProblem, basis: Float[np.ndarray, "p p"], ids: Int[np.ndarray, " some"]) -> Swaps:

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from identify.model.cell import Cell
 from identify.model.jig import Face
 from identify.model.measurement import Rows, measurement_model
+from identify.uncertainty.information import map_step
 
 UNKNOWN = 1e3  # a base or a tool to be fitted may be anywhere: so many times the usual prior
 BLOCK = 32  # touches: CasADi compiles a map for each number of rows
@@ -70,10 +71,7 @@ class Predictor:
         rows = self._stack(self._rows, BLOCK)
         for _ in range(STEPS):
             r, J = self._model.linearize(self.theta, rows)
-            W = J / rows.sigma[:, None] * self._prior
-            M = W.T @ W + np.eye(len(self._prior))
-            pull = (self.cell.theta - self.theta) / self._prior
-            step = np.linalg.solve(M, pull - W.T @ (r / rows.sigma))
+            step, M = map_step(r, J, rows.sigma, self.theta - self.cell.theta, self._prior)
             self.theta = self.theta + self._prior * step
         self.covariance = np.linalg.inv(M) * np.outer(self._prior, self._prior)
 

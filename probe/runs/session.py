@@ -15,7 +15,7 @@ from identify.model.io.tables import plan_text, touch_columns, touches_text
 from identify.model.touch import HIT, Plan, Touches
 from probe.line.clock import Clock
 from probe.line.controller import Contact
-from probe.runs.journal import Journal, Record, keep_copy, read_records, sync_folder, unwritable
+from probe.runs.journal import Journal, Record, keep_copy, sync_folder, unwritable
 from probe.runs.lock import Lock
 from probe.runs.records import AGAIN, APPROACH, Intent, Observation, Result, result_of
 from probe.runs.repair import listed, row_objection, sound_rows
@@ -280,17 +280,3 @@ def _is_nothing(record: Record) -> bool:
 def journal_path(touches: Path) -> Path:
     """The journal that stands beside touches.csv."""
     return touches.with_suffix(".journal")
-
-
-def rebuilt(journal: Path) -> str:
-    """The text of touches.csv as its journal has it."""
-    records = read_records(journal).records
-    if not records:
-        raise InputError([Mistake(str(journal), 0, "it holds no whole record; was it a journal of touchcal?")])
-    lines = dict[str, str]()
-    for record in records:
-        if record["kind"] == "result":
-            lines[record["id"]] = record["line"]
-        elif record["kind"] == "doubted":
-            lines.pop(record["id"], None)
-    return "".join(line + "\n" for line in [records[0]["columns"], *lines.values()])

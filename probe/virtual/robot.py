@@ -185,11 +185,6 @@ class VirtualRobot:
             self._motion.trip = self.arm.obstruct(self._motion.trip, fraction)
             self.foresee()
 
-    def close_input(self) -> None:
-        """The touch input closes now, whatever the wire does: a motion that watches it ends here."""
-        if self._motion is not None and self._motion.watch:
-            self._motion.tripped = min(self._motion.tripped, self.time)
-
     def stop(self, code: str, text: str = "") -> None:
         """Brake the motion that runs, if any, and end it with a code."""
         motion = self._motion

@@ -191,11 +191,6 @@ def draw_truth(cell: Cell, rng: np.random.Generator, *, scale: float = 1.0, jig:
     return Truth(np.clip(theta, lower, upper), faces=faces, name="drawn", robot=cell.robot)
 
 
-def with_effects(truth: Truth, **effects: object) -> Truth:
-    """The same truth with some of its effects changed."""
-    return replace(truth, effects=replace(truth.effects, **effects))  # type: ignore[arg-type]
-
-
 def _effects(entry: EffectsEntry) -> Effects:
     ms = 0.001
     return Effects(

@@ -26,6 +26,7 @@ from hostile_line import HostileLine, Killed, Schedule
 from hostile_oracle import Oracle
 from touching import Ticks, clear_plan, disturbed, pointed
 from true_world import TrueWorld
+from virtual_support import with_effects
 
 from identify.model.cell import Cell
 from identify.model.compiled import batch
@@ -43,7 +44,7 @@ from probe.runs import execution, retreat
 from probe.runs.preflight import validate
 from probe.runs.session import Session, journal_path
 from probe.virtual import arm
-from probe.virtual.truth import Truth, draw_truth, with_effects
+from probe.virtual.truth import Truth, draw_truth
 
 TOUCHES, RUNS, SOUND = 3, 8, 4  # SOUND: of the runs, the last ones over a line that does nothing
 LONGEST = 1500.0  # [s] of a run

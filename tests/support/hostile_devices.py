@@ -112,7 +112,9 @@ class GrblDevice:
 
     def press(self) -> None:
         self.follow()
-        self.robot.close_input()
+        motion = self.robot._motion
+        if motion is not None and motion.watch:  # the input closes now, whatever the wire does
+            motion.tripped = min(motion.tripped, self.robot.time)
 
     def at(self) -> np.ndarray:
         return self.robot.q

@@ -6,6 +6,7 @@ import numpy as np
 
 from identify.model.touch import Plan
 from probe.line.controller import Contact
+from probe.runs.journal import read_records
 from probe.runs.records import Intent, Reading, Result
 from probe.runs.session import Session
 
@@ -39,3 +40,15 @@ def rows(path: Path) -> list[str]:
 
 def names(path: Path) -> list[str]:
     return [row.split(",")[0] for row in rows(path)]
+
+
+def rebuilt(journal: Path) -> str:
+    """The text of touches.csv as its journal has it."""
+    records = read_records(journal).records
+    lines = dict[str, str]()
+    for record in records:
+        if record["kind"] == "result":
+            lines[record["id"]] = record["line"]
+        elif record["kind"] == "doubted":
+            lines.pop(record["id"], None)
+    return "".join(line + "\n" for line in [records[0]["columns"], *lines.values()])

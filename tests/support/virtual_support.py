@@ -1,5 +1,6 @@
 """Plans for the virtual cell, made without the planner: random points of faces, reached by a Newton iteration."""
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from probe.virtual.collision import Surroundings
+from probe.virtual.truth import Truth
 
 FACES = ("top-low", "top-high", "front-low", "front-high", "right-low", "right-high", "left-low", "back-high")
 STARTS = 6
@@ -77,3 +79,8 @@ def reached(cell: Cell, q: np.ndarray, tip: np.ndarray, axis: np.ndarray, margin
     right = np.linalg.norm(position - tip, axis=1) < 1e-6
     right &= np.einsum("ni,ni->n", R[:, :, 2], axis) > 1 - 1e-9
     return right & ((q > cell.robot.lower + margin) & (q < cell.robot.upper - margin)).all(axis=1)
+
+
+def with_effects(truth: Truth, **effects: object) -> Truth:
+    """The same truth with some of its effects changed."""
+    return replace(truth, effects=replace(truth.effects, **effects))

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from virtual_support import make_plan
+from sessions import rebuilt
+from virtual_support import make_plan, with_effects
 
 from identify.model.cell import Cell
 from identify.model.io.description import library
 from identify.model.io.tables import plan_text, read_touches
 from identify.model.touch import Plan
 from probe.controllers import open_controller
-from probe.runs.session import Session, rebuilt
+from probe.runs.session import Session
 from probe.virtual.server import VirtualCell, serve
-from probe.virtual.truth import draw_truth, with_effects
+from probe.virtual.truth import draw_truth
 
 Run = Callable[..., tuple[int, str, str]]
 

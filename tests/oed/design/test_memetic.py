@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from small_designs import best_of, problem, worth
+from small_designs import best_of, exchanged, problem, worth
 
 from oed import exact_design
 from oed.criteria.criteria import CRITERIA
-from oed.design.exact import exchanged, swaps_of
+from oed.design.exact import swaps_of
 
 
 @pytest.mark.parametrize("name", CRITERIA)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_designs import exchanged
 
 from oed.criteria.criteria import CRITERIA
 from oed.design.constraints import Rules
-from oed.design.exact import exchanged, swaps_of
+from oed.design.exact import swaps_of
 from oed.design.robust import RobustSwaps
 
 SEEDS = st.integers(0, 2**32 - 1)

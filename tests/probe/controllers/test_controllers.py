@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import serial
+from transcripts import read_transcript
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.description import library, read_robot
 from probe.controllers import PROTOCOLS, open_controller, recognised
-from probe.line.transcript import read_transcript
 from probe.virtual.server import serve
 from probe.virtual.truth import Truth, draw_truth
 

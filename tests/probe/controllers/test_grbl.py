@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from touching import Ticks, clear_plan, pointed
+from virtual_support import with_effects
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
@@ -19,7 +20,7 @@ from probe.line.controller import Contact, Controller, NoContact, Rebooted, Refu
 from probe.virtual.grbl import GrblController
 from probe.virtual.robot import VirtualRobot
 from probe.virtual.server import VirtualCell, serve
-from probe.virtual.truth import Truth, draw_truth, with_effects
+from probe.virtual.truth import Truth, draw_truth
 
 UNIT = 0.1  # deg an axis unit
 

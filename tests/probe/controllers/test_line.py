@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from touching import SERVO, Ticks, World, clear_plan, disturbed, pointed
 from touching_line import SPOILS, LineServer, crc, spoiler
+from transcripts import read_transcript
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
 from probe.controllers.line import Line
 from probe.line.controller import CODES, Contact, LinkLost, NoContact, Rebooted, Refused
-from probe.line.transcript import read_transcript
 
 TRANSCRIPT = r"""
 0.00 > 0 HELLO 00c0de*E9FB\n

@@ -5,9 +5,10 @@ import os
 
 from hypothesis import given
 from hypothesis import strategies as st
+from transcripts import read_transcript
 
 from probe.line.clock import Clock
-from probe.line.transcript import Recorder, read_transcript
+from probe.line.transcript import Recorder
 from probe.line.transport import SerialTransport
 
 

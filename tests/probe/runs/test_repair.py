@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sessions import finish_all, names, small_plan
+from sessions import finish_all, names, rebuilt, small_plan
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.tables import joint_columns
 from identify.model.touch import Plan
 from probe.runs.repair import row_objection
-from probe.runs.session import Session, journal_path, rebuilt
+from probe.runs.session import Session, journal_path
 
 BACKUP = "touches.csv.bak"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sessions import finish_all, names, rows, small_plan, touch
+from sessions import finish_all, names, rebuilt, rows, small_plan, touch
 from touching import Ticks
 
 from identify.model.cell import Cell
@@ -16,7 +16,7 @@ from identify.model.touch import Plan
 from probe.line.controller import Contact
 from probe.runs.journal import Journal, record_of
 from probe.runs.records import Intent
-from probe.runs.session import Session, journal_path, rebuilt
+from probe.runs.session import Session, journal_path
 
 pytestmark = pytest.mark.usefixtures("unsynced")
 BACKUP = "touches.csv.bak"

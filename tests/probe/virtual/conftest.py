@@ -1,11 +1,11 @@
 """Touches of the virtual cell, and a robot as drawn."""
 
 import pytest
-from virtual_support import make_plan
+from virtual_support import make_plan, with_effects
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
-from probe.virtual.truth import Truth, with_effects
+from probe.virtual.truth import Truth
 
 
 @pytest.fixture(scope="module")

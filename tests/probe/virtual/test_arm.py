@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from virtual_robots import robot_at, tip
+from virtual_support import with_effects
 
 from identify.estimation.selection import with_errors
 from probe.virtual.batch import search_end
-from probe.virtual.truth import Truth, with_effects
+from probe.virtual.truth import Truth
 
 FAST, SLOW = np.radians(60), np.radians(0.6)
 

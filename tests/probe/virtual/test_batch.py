@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from virtual_support import make_plan
+from virtual_support import make_plan, with_effects
 
 from identify.model.cell import Cell
 from identify.model.measurement import measurement_model, rows
 from identify.model.touch import Plan, Touches
 from probe.virtual.batch import search_end, touch_batch
-from probe.virtual.truth import Truth, read_truth, truth_path, with_effects
+from probe.virtual.truth import Truth, read_truth, truth_path
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,10 @@ import pytest
 import touch_run
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from sessions import rebuilt
 from touch_run import OPTIONS, TOUCHES
 from touching import clear_plan, pointed
+from virtual_support import with_effects
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
@@ -31,9 +33,9 @@ from probe.motion.settings import Settings
 from probe.runs import events
 from probe.runs.execution import run
 from probe.runs.records import Result
-from probe.runs.session import Session, journal_path, rebuilt
+from probe.runs.session import Session, journal_path
 from probe.virtual.server import VirtualCell, serve
-from probe.virtual.truth import Truth, draw_truth, with_effects
+from probe.virtual.truth import Truth, draw_truth
 
 KILLS = int(os.environ.get("TOUCHCAL_KILLS", "18"))
 USUAL = Settings(search_speed=10.0, rest=0.02)  # the rest is of real time, while that of the robot jumps

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from raw_host import RawHost
-from virtual_support import make_plan
+from virtual_support import make_plan, with_effects
 
 from identify.model.cell import Cell
 from identify.model.touch import Plan
@@ -13,7 +13,7 @@ from probe.virtual.batch import search_end
 from probe.virtual.grbl import GrblController
 from probe.virtual.robot import VirtualRobot
 from probe.virtual.server import serve
-from probe.virtual.truth import Truth, with_effects
+from probe.virtual.truth import Truth
 
 AXES = "XYZABC"
 

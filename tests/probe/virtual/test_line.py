@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from raw_host import angles, crc, field, joints, line
-from virtual_support import make_plan
+from virtual_support import make_plan, with_effects
 
 from identify.model.cell import Cell
 from identify.model.io.description import library, read_robot
@@ -16,7 +16,7 @@ from probe.virtual.batch import search_end
 from probe.virtual.line import LineController
 from probe.virtual.records import Outcome
 from probe.virtual.robot import VirtualRobot
-from probe.virtual.truth import Truth, with_effects
+from probe.virtual.truth import Truth
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from virtual_robots import robot_at, tip
+from virtual_support import with_effects
 
 from probe.virtual.batch import search_end, touch_batch
 from probe.virtual.robot import VirtualRobot
-from probe.virtual.truth import Truth, with_effects
+from probe.virtual.truth import Truth
 
 FAST, SLOW = np.radians(60), np.radians(0.6)
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from raw_host import RawHost, angles, crc, field, joints, line
+from virtual_support import with_effects
 
 from identify.model.cell import Cell
 from identify.model.files import InputError
@@ -15,7 +16,7 @@ from identify.model.touch import Plan
 from probe.virtual.batch import search_end
 from probe.virtual.faults import KINDS, SPOILS, Faults, parse_fault, spoil
 from probe.virtual.server import VirtualCell, serve
-from probe.virtual.truth import Truth, with_effects
+from probe.virtual.truth import Truth
 
 FASTEST = float("inf")
 

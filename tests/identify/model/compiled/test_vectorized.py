@@ -71,7 +71,7 @@ def test_robots_are_where_casadi_puts_them_to_the_last_digit(robot, errors, rng)
     theta = cell.theta + 0.01 * cell.scale * rng.normal(size=len(cell.theta))
     q = rng.uniform(cell.robot.lower, cell.robot.upper, (m, joints))
     kinematics, model = Kinematics(cell.robot), MeasurementModel(cell.robot)
-    conditions = [rng.uniform(-1, 1, (m, joints + 2))] if model.conditional else []
+    conditions = [rng.uniform(-1, 1, (m, joints + 2))] if errors else []
 
     for one in (kinematics.tip, kinematics.tip_jacobian, kinematics.pose_jacobian, kinematics.flange):
         check(one.function, q, theta)
