@@ -38,7 +38,7 @@ class JointErrors:
     @property
     def linear(self) -> Linear:
         """The linear problem of all rows."""
-        return _linear(self.extended)
+        return whitened(self.extended)
 
     def without(self, out: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " out"]:
         """Residuals [mm] of some rows by the estimate from the other rows in use."""
@@ -74,14 +74,14 @@ def with_joint_errors(problem: Problem, fit: Estimate, rng: np.random.Generator)
     for _ in range(ROUNDS):
         models = _models(extended, used, tip, rng)
         near = _stepped(extended, models, used)
-        posterior = models.posterior(_linear(near).take(used))
+        posterior = models.posterior(whitened(near).take(used))
         agreeing = counted & _agreeing(near, posterior, used) if problem.loss != "linear" else used
         if np.array_equal(agreeing, used):
             break
         used = agreeing
         _require_agreement(used[counted])
     extended = _stepped(near, models, used)
-    return JointErrors(extended, models, models.posterior(_linear(extended).take(used)), used, selection)
+    return JointErrors(extended, models, models.posterior(whitened(extended).take(used)), used, selection)
 
 
 def _require_agreement(used: Bool[np.ndarray, " rows"]) -> None:
@@ -110,10 +110,11 @@ def _models(
         picked = rng.choice(owners, min(len(owners), ENOUGH // 2), replace=False)
         rows = rows[np.isin(extended.rows.owner[rows], picked)]
     _, first, owner = np.unique(extended.rows.owner[rows], return_index=True, return_inverse=True)
-    return average(_linear(extended).take(rows), folds(extended.rows.q[rows][first], tip[rows][first], owner))
+    return average(whitened(extended).take(rows), folds(extended.rows.q[rows][first], tip[rows][first], owner))
 
 
-def _linear(extended: Extended) -> Linear:
+def whitened(extended: Extended) -> Linear:
+    """The linear problem of all rows, in units of the stated sigma and of the priors."""
     return Linear(extended.A, extended.y, _kinds(extended))
 
 
@@ -129,12 +130,12 @@ def _stepped(extended: Extended, models: Models, used: Bool[np.ndarray, " rows"]
     Joint 6 and the tool share directions that rows hardly show. A whole step along one of them, for which rows in first
     order ask nothing, would leave residuals of tenths of a millimetre in second order.
     """
-    linear, held = _linear(extended), extended.at * extended.precision
+    linear, held = whitened(extended), extended.at * extended.precision
     way = models.posterior(linear.take(used)).mean - held
     before = _squares(linear, held, used)
     for share in 0.5 ** np.arange(HALVINGS):
         foreseen, near = _squares(linear, held + share * way, used), relinearized(extended, extended.at + share * way)
-        excess = _squares(_linear(near), near.at * near.precision, used) - foreseen
+        excess = _squares(whitened(near), near.at * near.precision, used) - foreseen
         if excess <= UNNOTICED * models.noise**2 + DEVIATING * max(before - foreseen, 0.0):
             return near
     return extended
@@ -147,7 +148,7 @@ def _squares(linear: Linear, x: Float[np.ndarray, " unknowns"], used: Bool[np.nd
 
 def _agreeing(extended: Extended, posterior: Posterior, used: Bool[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
     """Rows of measurements that are as near to the prediction as chance allows, leverage considered."""
-    linear = _linear(extended)
+    linear = whitened(extended)
     r = linear.y - linear.A @ posterior.mean
     own = ((linear.A @ posterior.covariance) * linear.A).sum(axis=1)
     noise = posterior.noise**2

@@ -6,14 +6,20 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from identify.estimation.all_joint_errors import shown, whitened
+from identify.estimation.discrepancy import CERTAIN, ENOUGH, ERROR, LOOSE, Linear
 from identify.estimation.problem import Problem
 from identify.estimation.robust import Estimate, estimate
+from identify.estimation.selection import FREE, extend
 from identify.model.calibration import FACE, Calibration, Finding
 from identify.uncertainty.promise import INTERVAL
 
 WIDE = 5.0  # times its tolerances that a jig may be off, for the fit that shows how far it is
-FACTORS = 1.25 ** np.arange(13)  # times its tolerances that a jig may be off
-SOUND = 0.5  # probability of a jig as good as stated, before it is touched
+FACTORS = np.array([1.0, *(2 * 1.25 ** np.arange(7))])  # times its tolerances that a jig may be off
+JOINT_ERRORS = np.array([0.0, 0.03, 0.1, 0.3, 1.0, 3.0])  # times their priors, each as probable as the others
+NOISES = 1.25 ** np.arange(-4, 7)  # times the stated sigma
+LEAST = 3.0  # offsets that touches show: fewer tell of no scale
+SOUND = 0.55  # probability of a jig as good as stated, before it is touched
 BELIEVED = 0.5  # and of one that is not called worse, afterwards
 NAMED = 4.0  # standard deviations that the tolerance does not explain
 
@@ -21,46 +27,73 @@ NAMED = 4.0  # standard deviations that the tolerance does not explain
 def with_jig_as_it_is(problem: Problem, fit: Estimate) -> tuple[Problem, Estimate]:
     """The problem with the tolerances of all faces as wide as the touches show them to be, and its estimate.
 
-    A fit that hardly holds the faces tells how probable each factor on their tolerances is. A fit that holds them as
-    stated would take their offsets for noise.
+    The rows are taken at a fit that hardly holds the faces: one that holds them as stated would take their offsets for
+    noise. A jig is called worse only where joint errors do not explain the same residuals, and where the touches show
+    the offsets of several faces: those that base and tool make up for show nothing.
     """
     places = _places(problem)
     if not len(places):
         return problem, fit
     wide = _scaled(problem, places, WIDE)
-    probability = probabilities(*_offsets(wide, estimate(wide, problem.theta(fit.x), fit.used), places))
-    if probability[0] > BELIEVED:
+    end = estimate(wide, problem.theta(fit.x), fit.used)
+    covariance = wide.of_unknowns(wide.covariance(end.x, end.weight))
+    if len(places) - covariance[places, places].sum() < LEAST:
         return problem, fit
+    rows = np.flatnonzero(fit.used)
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), ENOUGH)).astype(int)]
+    for errors in ((), shown(problem.cell, problem.rows)):
+        extended = extend(wide, end.x, errors)
+        faces = np.isin(extended.unknowns.names, [problem.unknowns.names[i] for i in places])
+        probability = probabilities(whitened(extended).take(rows), np.where(faces, 1 / WIDE, 0.0))
+        if probability[0] > BELIEVED:
+            return problem, fit
     factor = float(np.sqrt(probability[1:] @ FACTORS[1:] ** 2 / probability[1:].sum()))
     scaled = _scaled(problem, places, factor)
     return scaled, estimate(scaled, problem.theta(fit.x), fit.used)
 
 
-def probabilities(b: Float[np.ndarray, " faces"], C: Float[np.ndarray, "faces faces"]) -> Float[np.ndarray, " factors"]:
-    """Probability of each of FACTORS on the tolerances, after a fit by WIDE times as wide ones.
+def probabilities(rows: Linear, stated: Float[np.ndarray, " unknowns"]) -> Float[np.ndarray, " factors"]:
+    """Probability of each of FACTORS on the tolerances of faces, by marginal likelihood (MacKay 1992).
 
-    b are the estimates and C their posterior covariance, in units of the wide tolerances. With an eigenvalue s of
-    1 - C, an estimate is s times the sum of the true offset and of noise with variance (1 - s) / s.
+    `stated` are the tolerances in units of the priors of the rows, 0 for unknowns that are no offset of a face. The
+    sizes of the joint errors and of the noise are averaged over. With the covariance S of the rows without faces, faces
+    B and a factor f, y has the covariance S + f^2 B B', of which the determinant lemma and the Woodbury identity need
+    no more than the eigenvalues of B' S^-1 B.
     """
-    s, vector = np.linalg.eigh(np.eye(len(b)) - C)
-    s = np.clip(s, 1e-6, 1 - 1e-6)
-    variance = s**2 * (FACTORS[:, None] / WIDE) ** 2 + s * (1 - s)
-    log = -0.5 * (np.log(variance) + (vector.T @ b) ** 2 / variance).sum(axis=1)
-    weight = np.exp(log - log.max()) * np.where(FACTORS == 1, SOUND, (1 - SOUND) / (len(FACTORS) - 1))
+    (R, z), count = _compressed(rows.A * np.where(rows.kind == LOOSE, FREE, 1.0), rows.y), len(rows.y)
+    face, error = stated > 0, rows.kind == ERROR
+    B, E, G = R[:, face] * stated[face], R[:, error], R[:, ~face & ~error]
+    rest = float(rows.y @ rows.y - z @ z)
+    noise2 = NOISES[:, None] ** 2
+    usual = -CERTAIN * np.log(NOISES) - CERTAIN / 2 / NOISES**2  # chi-square, as in `discrepancy`
+    logs = []
+    for size in JOINT_ERRORS if error.any() else JOINT_ERRORS[:1]:
+        value, vector = np.linalg.eigh(G @ G.T + size**2 * E @ E.T)
+        variance = np.maximum(value, 0.0) + noise2
+        b, y = (vector.T @ B) / np.sqrt(variance)[:, :, None], (vector.T @ z) / np.sqrt(variance)
+        gain, axes = np.linalg.eigh(b.transpose(0, 2, 1) @ b)
+        gain = 1 + FACTORS[:, None, None] ** 2 * np.maximum(gain, 0.0)
+        part = FACTORS[:, None, None] * np.einsum("nij,nki,nk->nj", axes, b, y, optimize=True)
+        square = (y * y).sum(axis=1) + rest / noise2[:, 0] - (part**2 / gain).sum(axis=2)
+        determinant = np.log(variance).sum(axis=1) + np.log(gain).sum(axis=2)
+        logs.append(usual - 0.5 * (determinant + square) - (count - len(z)) * np.log(NOISES))
+    weight = np.exp(np.array(logs) - np.max(logs)).sum(axis=(0, 2))
+    weight *= np.where(FACTORS == 1, SOUND, (1 - SOUND) / (len(FACTORS) - 1))
     return np.asarray(weight / weight.sum())
+
+
+def _compressed(A: Float[np.ndarray, "rows unknowns"], y: Float[np.ndarray, " rows"]) -> tuple[np.ndarray, np.ndarray]:
+    """Fewer rows that say as much of the unknowns, where there are more rows than unknowns."""
+    if len(A) <= A.shape[1]:
+        return A, y
+    Q, R = np.linalg.qr(A)
+    return R, Q.T @ y
 
 
 def _places(problem: Problem) -> Int[np.ndarray, " faces"]:
     """Places of the offsets of touched faces among the unknowns."""
     touched = {FACE + name for name in problem.rows.face}
     return np.array([i for i, name in enumerate(problem.unknowns.names) if name in touched], dtype=int)
-
-
-def _offsets(
-    problem: Problem, fit: Estimate, places: Int[np.ndarray, " faces"]
-) -> tuple[Float[np.ndarray, " faces"], Float[np.ndarray, "faces faces"]]:
-    C = problem.of_unknowns(problem.covariance(fit.x, fit.weight))
-    return problem.unknown(fit.x)[places], C[np.ix_(places, places)]
 
 
 def _scaled(problem: Problem, places: Int[np.ndarray, " faces"], factor: float) -> Problem:
