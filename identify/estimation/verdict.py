@@ -16,6 +16,7 @@ from identify.uncertainty.posterior import zone_promise
 ABSURD = 20.0  # times its sigma that no measurement scatters
 MOST = 0.25  # share of the measurements that may be left out
 OPEN = 100.0  # times the sigma of a touch that a promise may be
+FRAME = {"base.x", "base.y", "base.z"}  # as little known as before where nothing ties the jig frame to measurements
 STEPS = 25  # of a fit to a hypothesis
 QUARTERS = -90, 90, 180  # [deg], zeros that are tried
 BETTER = 0.1  # of the residuals that a hypothesis may leave, to be proposed
@@ -54,10 +55,21 @@ def _refusals(c: Calibration) -> Iterator[str]:
             "check face names, the jig and the base in cell.yaml, then touch again"
         )
     if c.promise is not None and not c.promise["p95_mm"] < OPEN * sigma:
+        cure = "make more touches, on other faces and with other wrist angles"
+        if _frame_is_open(c):
+            cure = (
+                "nothing that was measured tells where the base stands in the jig frame. Give the places of three "
+                "points, or of a placement; or let the base define the frame: base_mm: 0.01, base_deg: 0.001 in priors"
+            )
         yield (
-            f"the zone is not determined: the tip may be {c.promise['p95_mm']:.3g} mm off at 95 % of its poses; "
-            "make more touches, on other faces and with other wrist angles"
+            f"the zone is not determined: the tip may be {c.promise['p95_mm']:.3g} mm off at 95 % of its poses; {cure}"
         )
+
+
+def _frame_is_open(c: Calibration) -> bool:
+    """Whether the jig frame hangs on the tolerances of the base alone: points and placements were fitted."""
+    fitted = any(shared.name.startswith(("point.", "placement.")) for shared in c.shared)
+    return fitted and set(c.weak) >= FRAME and c.cell.priors.base[0] > c.cell.touch.sigma
 
 
 def hypotheses(cell: Cell, tables: Sequence[Measurements]) -> tuple[Finding, ...]:

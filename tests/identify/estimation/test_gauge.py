@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from identify.estimation.calibrate import calibrate
+from identify.estimation.verdict import refusals, with_promise
 from identify.model.cell import Point, Spacing
 from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
 from identify.model.ik import reach
 from identify.model.touch import Contacts
+from identify.model.zone import Zone
 from identify.uncertainty.unknowns import Unknowns
 
 HOLES = {"hole_0": np.array([60.0, 120.0, 150.0]), "hole_1": np.array([60.0, 170.0, 150.0])}
@@ -112,3 +114,13 @@ def test_a_placement_is_found_by_known_sockets_as_surely_as_is_said(arc_welder, 
     C = found.joint_covariance[np.ix_(index, index)]
     assert off @ np.linalg.solve(C, off) < 22.5  # chi-square of six, one in a thousand
     assert np.sqrt(np.diag(C))[:3].max() < 15
+
+
+def test_a_frame_that_hangs_on_the_tolerance_of_the_base_is_named_before_more_measurements(cell, measured):
+    zone = Zone(np.array([[0.0, 200.0], [0.0, 200.0], [100.0, 250.0]]))
+    narrow = replace(cell.priors, base=(0.01, np.radians(0.001)))
+    cells = [replace(cell, zone=zone), replace(cell, zone=zone, priors=narrow)]
+    wide, firm = (with_promise(calibrate(one, measured, folds=0, errors="cell")) for one in cells)
+
+    assert "let the base define the frame" in " ".join(refusals(wide))
+    assert "make more touches" in " ".join(refusals(firm))
