@@ -20,7 +20,8 @@ from probe.motion.tour import Order
 STRATEGIES = ("optimal", "even", "random")
 RETURNS = 8  # times that touches at ways which moving them has blocked are put back, each time more around them
 SEARCHES = 40  # local ones for 50 touches that are refined then, fewer for more: they are nearer to the bound anyway
-SWEEPS = 2  # of moving touches: a third gains nothing that counts
+SWEEPS = 2  # of moving touches: a third gains nothing that counts in the time that a plan takes,
+THOROUGH = 8  # but a little each time where more is given, until one gains nothing
 FEWER = 16  # of them, where each compares sets by a criterion with kinks
 PRICING = 0.3  # of the seconds that are given
 EXCHANGE = 0.1  # of them
@@ -158,7 +159,8 @@ class Setting:
         self, refinement: Refinement, touches: Candidates, say: Callable[[float], None]
     ) -> tuple[Candidates, Order]:
         """Touches moved to where they tell more, as far as the ways between them stay clear."""
-        better = refine(refinement, touches, self.measure, sweeps=SWEEPS, progress=say)
+        sweeps = SWEEPS if self.seconds is None else THOROUGH
+        better = refine(refinement, touches, self.measure, sweeps=sweeps, progress=say)
         for around in range(1, RETURNS + 1):
             order = self._ordered(better, touches, kicks=0)  # so that the old ways back are still there
             if not order.blocked:

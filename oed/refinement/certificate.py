@@ -14,7 +14,7 @@ many touches were priced and polished. A bound that covers more touches may be h
 better plan: n = 60 on the library's cell (one seed; by default, with 30 s of one core)
 
     criterion   value of the touches   share of the bound on all touches
-    V           7.42e-3, 7.28e-3       .876, .839 (128 and 576 polished)
+    V           7.42e-3, 7.24e-3       .876, .901 (128 and 672 polished)
     D           2255, 2274             .940, .973
     A           1.041e-3, 1.042e-3     .822, .932
     O5          8.99, 9.05             .812, .940
