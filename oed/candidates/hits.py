@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
+from identify.model.shape import Shape, entries
 from probe.motion.obstacles import Obstacle, obstacles
 
 PLACES = 128  # of the tip, by which touches are chosen
@@ -18,7 +19,9 @@ SURE = 0.98  # share of the robots that should meet a touch, or that which
 SUREST = 0.1  # of the postures of its face reach;
 POOR = 0.8  # where that is less, all postures are asked for: there is nothing sure on such a face
 BLOCK = 250  # touches looked at together, for the cache
-PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # 1/x and 1/x^2 of x^3 = x + 1 (Roberts 2018)
+PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # 1/x, 1/x^2 of x^3 = x + 1 (Roberts 2018)
+HAIR = 1e-3  # of the approach: a mesh that a face lies on is not met before the face
+RISES = 0.1  # [mm] over the plane of a face
 TOWARDS = 0.05  # cosine between two normals, above which a search for one face also goes down to the other
 
 
@@ -149,7 +152,23 @@ class Hits:
             near = box.near(low, high)
             contact = solid.point(start[:, near].reshape(-1, 3).T) <= 0
             out[:, near] = np.where(contact.reshape(len(start), len(near)), Outcome.BEHIND, out[:, near])
+        for shape, box in self._shapes[face]:
+            near = box.near(low, high)
+            whole = np.broadcast_to(reach * (way if way.ndim == 1 else way[:, near]), (len(start), len(near), 3))
+            there = entries(shape, start[:, near].reshape(-1, 3), whole.reshape(-1, 3)).reshape(whole.shape[:2])
+            first = reach * there < at[:, near] - HAIR
+            why = np.where(there > 0, Outcome.OTHER, Outcome.BEHIND)
+            out[:, near] = np.where(first & (out[:, near] != Outcome.BEHIND), why, out[:, near])
         return out
+
+    @cached_property
+    def _shapes(self) -> list[list[tuple[Shape, "_Bounds"]]]:
+        """For each face the cylinders, spheres and meshes that a search for it could meet, and the bounds of each."""
+        shapes = [solid.shape for solid in obstacles(self.cell.jig, self.cell.obstacles) if solid.shape is not None]
+        return [
+            [(part, _Bounds.of(_extent(part))) for shape in shapes if (part := own.before_it(shape)) is not None]
+            for own in self._rectangles
+        ]
 
     @cached_property
     def _solids(self) -> list[Obstacle]:
@@ -206,21 +225,28 @@ class _Rectangle:
         """Its corners [mm]."""
         return self.origin + np.array([0 * self.u, self.u, self.v, self.u + self.v])
 
-    @cached_property
-    def _bounds(self) -> _Bounds:
-        return _Bounds.of(self.corners)
-
     def near(
         self, low: Float[np.ndarray, "touches 3"], high: Float[np.ndarray, "touches 3"]
     ) -> Int[np.ndarray, " some"]:
         """The boxes that meet the one around the rectangle."""
-        return self._bounds.near(low, high)
+        return _Bounds.of(self.corners).near(low, high)
 
     def before(self, other: "_Rectangle") -> bool:
         """Whether a search for another face may meet this one, which lies in another plane."""
         apart = abs(float(self.normal @ (self.origin - other.origin)))
         cosine = float(self.normal @ other.normal)
         return cosine > TOWARDS and not (cosine > 1 - 1e-9 and apart < 1e-3)
+
+    def before_it(self, shape: Shape) -> Shape | None:
+        """What of a solid a search for this face may meet before it: of a mesh, what rises over its plane."""
+        if shape.kind != "mesh":
+            return shape
+        vertices, triangles = shape.mesh
+        a, b, c = (vertices[triangles[:, k]] for k in range(3))
+        normal, high = np.cross(b - a, c - a), ((vertices - self.origin) @ self.normal)[triangles].max(axis=1)
+        towards = np.abs(normal @ self.normal) > TOWARDS * np.linalg.norm(normal, axis=1)
+        some = triangles[towards & (high > RISES)]
+        return shape.with_triangles(some) if len(some) else None
 
     @cached_property
     def _axes(self) -> Float[np.ndarray, "3 3"]:
@@ -249,6 +275,14 @@ def _normal_points() -> Float[np.ndarray, "places 3"]:
 
     i = np.arange(PLACES)[:, None] + 0.5
     return np.asarray(ndtri(np.hstack([i / PLACES, i * PLASTIC % 1])))
+
+
+def _extent(shape: Shape) -> Float[np.ndarray, "points 3"]:
+    """Points whose box along the axes of the jig holds a solid [mm]."""
+    if shape.kind == "mesh":
+        vertices, triangles = shape.mesh
+        return vertices[triangles.ravel()]
+    return shape.pose[:3, 3] + float(np.linalg.norm(shape.size)) * np.array([[-1.0], [1.0]])
 
 
 def _sides(solid: Obstacle) -> list[_Rectangle]:

@@ -71,7 +71,7 @@ class Arm:
         self.kinematics = Kinematics(truth.robot or cell.robot)  # of its own: it may live in a thread of its own
         self.surroundings = Surroundings(cell, truth.robot or cell.robot)
         self.surroundings.prepare()
-        self.surface = surfaces(cell.jig, cell.wire, truth.faces)
+        self.surface = surfaces(cell.jig, cell.wire, truth.faces, cell.obstacles)
         self.sigma = cell.touch.sigma if truth.effects.sigma is None else truth.effects.sigma
         self.noise = joint_spread(cell, truth.effects.joint_noise)
         self.play = joint_spread(cell, truth.effects.backlash) / 2

@@ -47,7 +47,7 @@ def touch_batch(
     effects, count = truth.effects, len(plan)
     if sigma is None:
         sigma = cell.touch.sigma if effects.sigma is None else effects.sigma
-    surface = surfaces(cell.the_jig, cell.wire, dict(truth.faces))
+    surface = surfaces(cell.the_jig, cell.wire, dict(truth.faces), cell.obstacles)
     end = search_end(cell, plan)
     shift = sigma * rng.standard_normal(count)
     paths = _true_paths(cell, truth, plan.approach, end, rng)

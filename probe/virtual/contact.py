@@ -12,10 +12,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from identify.model.kinematics import Kinematics
+from identify.model.shape import entries
 from probe.virtual.surfaces import Surfaces
 
 INTERVAL = 8.0  # [mm] between samples; a path of 0.5 m radius bends by 16 micrometres in it
 EDGE = 0.01  # [mm], an entry through the side of a slab counts that much later: the face proper owns a tie
+BORNE = 1.0  # [mm], as much later counts a shape: a face that lies on a mesh owns the contact
 EXACT = 1e-6  # [mm]
 NO_FACE = -1
 
@@ -81,7 +83,8 @@ def first_contact(
     begin, face, enter, through = _entries(surface, position, axis, gap, samples)
     fraction = (begin % samples + enter) / intervals
     length = np.linalg.norm(position[begin + 1] - position[begin], axis=1)
-    rank = fraction + np.where(through, 0.0, EDGE / np.maximum(length, EDGE) / intervals)
+    late = np.where(through, 0.0, np.where(face < len(surface.origin), EDGE, BORNE))
+    rank = fraction + late / np.maximum(length, EDGE) / intervals
     order = np.lexsort((rank, begin // samples))
     path, first = np.unique(begin[order] // samples, return_index=True)
     first = order[first]
@@ -105,7 +108,7 @@ def _entries(
     gap: Float[np.ndarray, "rows surfaces"],
     samples: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Entries into slabs: sample before, surface, fraction of the interval, and whether through the face itself."""
+    """Entries into slabs and shapes: sample before, surface, fraction of the interval, whether through the face."""
     low, high = np.minimum(gap[:-1], gap[1:]), np.maximum(gap[:-1], gap[1:])
     near = (low <= 0) & (high >= -surface.depth)
     near[samples - 1 :: samples] = False  # from the end of one path to the start of the next
@@ -116,7 +119,15 @@ def _entries(
         ends.append(np.hstack([g, -g - surface.depth, -place, place - surface.size[face]]))
     enter, through = _clip(*ends)
     inside = np.isfinite(enter)
-    return begin[inside], face[inside], enter[inside], through[inside]
+    found = [(begin[inside], face[inside], enter[inside], through[inside])]
+    for k, shape in enumerate(surface.shapes):
+        enter = entries(shape, position[:-1], np.diff(position, axis=0))
+        enter[samples - 1 :: samples] = np.inf
+        begin = np.flatnonzero(np.isfinite(enter))
+        number = np.full(len(begin), len(surface.origin) + k)
+        found.append((begin, number, enter[begin], np.zeros(len(begin), dtype=bool)))
+    begin, face, enter, through = (np.concatenate(column) for column in zip(*found, strict=True))
+    return begin, face, enter, through
 
 
 def _clip(

@@ -1,4 +1,4 @@
-"""What a wire can touch on a jig: its faces, and those sides of its solid boxes that are no faces, such as the table.
+"""What a wire can touch: the faces of a jig, the sides of its boxes that are no faces, and obstacles.
 
 The point of the wire's end that matters is the one that lies deepest along a normal: the end of a point, the pole of a
 ball, a point of the rim of a flat end, `h = radius sqrt(1 - (n.a)^2)` before the tip (DESIGN section 3).
@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Wire
 from identify.model.jig import Face, Jig
+from identify.model.shape import Shape, entries
 
 SHALLOW = 0.5  # [mm], least depth of the slab under a face
 DEEP = 10.0  # [mm], how far below a face still is the inside of a jig that has no boxes
@@ -20,9 +21,9 @@ DEEP = 10.0  # [mm], how far below a face still is the inside of a jig that has 
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Rectangles that conduct: the faces of a jig, then those sides of its boxes that are no faces."""
+    """What conducts: the faces of a jig, those sides of its boxes that are no faces, and other shapes."""
 
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the rectangles, then of the shapes
     origin: Float[np.ndarray, "surfaces 3"]  # [mm]
     u: Float[np.ndarray, "surfaces 3"]  # unit vectors
     v: Float[np.ndarray, "surfaces 3"]
@@ -31,6 +32,7 @@ class Surfaces:
     boxes: Float[np.ndarray, "boxes 2 3"]  # [mm], lower and upper corners
     flat: float  # [mm], radius of a flat wire end
     ball: float  # [mm], radius of a ball
+    shapes: tuple[Shape, ...] = ()  # what stands there besides: leaning boxes, cylinders, spheres, meshes
 
     @cached_property
     def offset(self) -> Float[np.ndarray, " surfaces"]:
@@ -65,23 +67,27 @@ class Surfaces:
     def closed(
         self, position: Float[np.ndarray, "rows 3"], axis: Float[np.ndarray, "rows 3"], gap: Float[np.ndarray, "rows s"]
     ) -> Bool[np.ndarray, " rows"]:
-        """Whether a wire touches: it is in the slab under a face, or inside a box."""
+        """Whether a wire touches: it is in the slab under a face, inside a box, or in or under another shape."""
         depth = self.depth if len(self.boxes) else max(DEEP, self.depth)
         row, face = np.nonzero((gap <= 0) & (gap >= -depth))
         place = self.place(face, position[row], axis[row])
         p = position[:, None]
         within = np.any(np.all((p > self.boxes[:, 0]) & (p < self.boxes[:, 1]), axis=2), axis=1)
         within[row[((place >= 0) & (place <= self.size[face])).all(axis=1)]] = True
+        for shape in self.shapes:  # its surface is between the tip and a place further up the wire
+            within |= np.isfinite(entries(shape, position, -self.depth * axis))
         return np.asarray(within)
 
 
-def surfaces(jig: Jig, wire: Wire, proud: Mapping[str, float] | None = None) -> Surfaces:
-    """What a wire can touch on a jig whose faces stand `proud` of their drawing [mm]."""
-    shapes = _drawn(jig, wire)
-    if not proud:
-        return shapes
-    shift = np.array([proud.get(name, 0.0) for name in shapes.names])
-    return replace(shapes, origin=shapes.origin + shift[:, None] * shapes.normal)
+def surfaces(
+    jig: Jig, wire: Wire, proud: Mapping[str, float] | None = None, obstacles: tuple[Shape, ...] = ()
+) -> Surfaces:
+    """What a wire can touch: a jig whose faces stand `proud` of their drawing [mm], and obstacles of the cell."""
+    drawn = _drawn(jig, wire)
+    shapes = (*jig.obstacles, *obstacles)
+    names = (*drawn.names, *(shape.name for shape in shapes))
+    shift = np.array([(proud or {}).get(name, 0.0) for name in drawn.names])
+    return replace(drawn, names=names, shapes=shapes, origin=drawn.origin + shift[:, None] * drawn.normal)
 
 
 @lru_cache(maxsize=8)

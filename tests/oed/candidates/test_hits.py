@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cells import cell_of
+from meshed import box, stl
 
 from identify.model.cell import DEG, Priors
+from identify.model.frames import transform
+from identify.model.shape import Shape
 from oed.candidates.candidates import candidates
 from oed.candidates.hits import Outcome
 from oed.planning.candidate_set import plan_of
@@ -85,3 +88,27 @@ def test_faces_are_asked_for_sure_touches_where_they_have_them(cell, some):
 
     assert share[sure & (some.face == some.face[0])].min() >= 0.97
     assert sure[some.face != some.face[0]].all()  # nothing is sure there
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "mesh", "box"])
+def test_a_search_ends_at_an_obstacle_that_it_meets_first_in_both(cell, some, kind, tmp_path):
+    top = [f.name for f in some.faces].index("top-high")
+    touches, face = some.take(some.face == top), some.faces[top]
+    path = tmp_path / "box.stl"
+    path.write_bytes(stl(*box((1, 1, 1))))
+    low = face.point(np.array(0.5), np.array(0.5)) + np.array([0.0, 0.0, 4.0])  # over the middle of the face
+    width = 0.5 * face.size.min()
+    size = {"cylinder": (width / 2, 8.0), "box": (width, width, 8.0), "mesh": (width, width, 8.0)}[kind]
+    solid = Shape(0, "lid", kind, size, transform(np.array([*low, 0.3, 0.0, 0.0])), "box.stl", path)
+    covered = replace(cell, obstacles=(solid,))
+    hits = replace(some.hits, cell=covered)
+    off = drawn(cell, 8)
+
+    outcomes = hits.outcomes(touches.face, touches.q, off)
+
+    plan, rng = plan_of(touches), np.random.default_rng(1)
+    met = [touch_batch(covered, Truth(cell.theta + one), plan, rng, sigma=0.0) for one in off]
+    hit = np.array([[status == "hit" for status in batch.status] for batch in met])
+    before = some.hits.outcomes(touches.face, touches.q, off) == Outcome.MEETS
+    assert 0.05 < (before & (outcomes == Outcome.OTHER)).mean() < 0.9
+    assert ((outcomes == Outcome.MEETS) == hit).mean() > 0.96
