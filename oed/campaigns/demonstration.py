@@ -23,7 +23,7 @@ from identify.model.io.calibration_file import Calibration, summarize, write_cal
 from identify.model.io.description import library, read_cell
 from identify.model.io.entries import POSE_KEYS, POSE_UNIT
 from identify.model.io.tables import positions_text, read_positions, read_touches, touches_text
-from identify.model.touch import Plan, Positions, Touches, joined
+from identify.model.touch import Positions, Touches, joined
 from identify.model.zone import zone_poses
 from identify.report.report import report
 from identify.uncertainty.posterior import zone_promise
@@ -100,7 +100,7 @@ def _calibrated(
         touch=_toucher(folder, cell, truth, seed),
         keep=Folder(folder, cell, inputs),
         batch=touches,
-        planner=_planned,
+        planner=plan_under_uncertainty,  # without the last refinement: a demonstration is short
         progress=progress,
     )
     _unseen(folder, cell, result.calibration, truth, seed)
@@ -125,11 +125,6 @@ def _effort(result: Campaign) -> dict[str, Any]:
 def _toucher(folder: Path, cell: Cell, truth: Truth, seed: int) -> Callable[[Job], Touches]:
     """What makes the touches of a job: the real driver, and a virtual robot behind a pseudo-terminal."""
     return over_port(folder, cell, Connection(SIM, "line", truth=truth, seed=seed), Settings(trust_position=True))
-
-
-def _planned(cell: Cell, n: int, rng: np.random.Generator, after: Calibration | None) -> Plan:
-    """A plan without the last refinement: a demonstration is short."""
-    return plan_under_uncertainty(cell, n, rng, after)
 
 
 def _hashes(folder: Path, *names: str) -> dict[str, str]:

@@ -4,6 +4,5 @@ In the order in which data walks through:
 
     nlp           one touch as CasADi symbols: its row and its constraints
     coordinate    touches moved one by one
-    simultaneous  all touches moved at once, with the Hessian in closed form
     certificate   column generation: polished touches join the candidates, and bound what any touches could be
 """

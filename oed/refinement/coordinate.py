@@ -20,7 +20,6 @@ from oed.candidates.candidates import COLUMNS, Candidates
 from oed.candidates.feasibility import Feasibility, Infeasibility
 from oed.criteria.criterion import Criterion
 from oed.refinement.nlp import OPTIONS, Program
-from oed.refinement.simultaneous import Simultaneous
 
 SHARES = np.array([1.0, 0.6, 0.3, 0.1])  # of a move, tried in turn where the whole of it cannot be made
 APART = 5.0, np.radians(3.0)  # [mm] and [rad]: touches nearer than both would be the same touch again
@@ -183,14 +182,12 @@ def refine(
     criterion: Criterion,
     *,
     sweeps: int = 3,
-    together: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Candidates:
     """Move touches, again and again, to where they tell more by the criterion; never worse.
 
     A move counts only where it raises the criterion of all touches, together with all moves before it, where the touch
-    can be made, and where no two touches become one. At last all are moved `together`, if wanted: that takes as long
-    again and gains about a tenth of what was gained before.
+    can be made, and where no two touches become one.
     """
     coordinates, say = refinement.coordinates, progress or (lambda share: None)
     F = coordinates.rows(touches.expected_rows(refinement.cell))
@@ -206,10 +203,6 @@ def refine(
         touches, F = _accepted(refinement, touches, F, goals, value)
         if value(F) - before < ENOUGH:
             break
-    if together:
-        W = (M := coordinates.information(F)) @ criterion.slope(M) @ M
-        goals = Simultaneous(refinement.program, W, len(touches)).best(touches)
-        touches, F = _accepted(refinement, touches, F, goals, value)
     return touches
 
 
