@@ -19,6 +19,7 @@ SEARCHES = 20_000  # at the most, or of the fewest robots
 FAR = 2.0  # times the way to the planned contact, that searches are followed beyond it
 STEPS = 4  # of the secant method: ways are nearly straight, and these leave nanometres
 OFTEN = 0.1  # share of the robots that miss a touch, above which the touch is named
+FEWEST = 0.05  # touches that miss for a reason, below which it is not named
 NAMED = 5  # such touches at the most
 MANY = 1 / 3  # share of the touches that miss, above which a fixed plan is not the way
 CAMPAIGN = "use touchcal campaign"
@@ -84,7 +85,8 @@ class Searches:
         total, n = float(self.missing.sum()), len(self.touches)
         if total < 0.005 * n:
             return ()
-        why = ", ".join(f"{count:.1f} {words}" for words, count in sorted(self.reasons.items(), key=lambda w: -w[1]))
+        reasons = sorted(((count, words) for words, count in self.reasons.items() if count >= FEWEST), reverse=True)
+        why = ", ".join(f"{count:.1f} {words}" for count, words in reasons)
         out = [f"of {n} touches about {total:.1f} miss ({100 * total / n:.1f} %): {why}"]
         worst = np.argsort(-self.missing, kind="stable")[:NAMED]
         names = self.touches.names()
