@@ -15,8 +15,8 @@ after 30, 60 and 100 planned touches, RMS 0.227, 0.097 and 0.077 mm. Now, of 40 
 cover 95 and 97 %. At a quarter of the priors 60 touches leave 0.067 mm, promised 1.61 times, kept by 40 of 40 robots.
 The whole table was not computed again. A fifth of gross errors leaves 1.25 times the RMS error, at the worst robot 1.26
 times, and the promise is kept by 40 of 40. With one or three wrong names the RMS error is that without, and 160 of 160
-names are found with the right one proposed. A jig five times worse than stated is named on 40 of 40 robots, and 37 keep
-their promise; of 40 good jigs 2 are called worse.
+names are found with the right one proposed. Of 40 other robots with a jig five times worse than stated the jig is named
+on 37, and 34 keep their promise; of 40 good jigs 2 are called worse.
 """
 
 from collections.abc import Mapping

@@ -22,8 +22,8 @@ CUT = 0.35  # share of the rows that a fold predicts
 CAP = 25.0  # squared errors beyond it count no more, in variances
 CERTAIN = 10.0  # degrees of freedom that the stated sigma is worth
 CORRELATION = 0.04  # of errors beyond the data with each other: many rows are worth 25 independent predictions
-HIDDEN, USUAL = (0.015, 2.0), (0.5, 3.0)  # factors on joint errors too small to show, or not: median, deviation
-HIDING = 0.95  # share of the first: joint errors are believed where data speak for them at odds of 19 to 1
+HIDDEN, USUAL = (0.015, 2.0), (1.0, 1.5)  # factors on joint errors too small to show, or as stated: median, deviation
+LEAST, MOST = 0.02, 0.3  # probability of the second, by few rows and by many
 BOOTSTRAPS = 100
 TINY = 1e-300  # of a density
 NEGLIGIBLE = 2e-3  # weight of a model that is left out of the average
@@ -106,7 +106,7 @@ def average(linear: Linear, folds: Sequence[Bool[np.ndarray, " rows"]]) -> Model
     score = np.stack([_fold_scores(*parts) for parts in _without(linear, folds)])
     rows = len(linear.y)
     evidence = rows / (1 + (rows - 1) * CORRELATION)  # independent predictions that the rows are worth (Kish 1965)
-    structure, noise = _log_priors(1 + rows / max(int((linear.kind != ERROR).sum()), 1))
+    structure, noise = _log_priors(rows / max(int((linear.kind != ERROR).sum()), 1))
     share = np.random.default_rng(0).dirichlet(np.ones(len(score)), BOOTSTRAPS)
     stated = min(1.0, 1 / CORRELATION / rows)  # of the noise every row says something: sigma weighs as much less
     total = evidence * (share @ score.reshape(len(score), -1)) + (structure + noise * stated).ravel()
@@ -170,16 +170,18 @@ def _factors() -> tuple[np.ndarray, np.ndarray]:
     return factor, ratio * factor
 
 
-def _log_priors(shared: float) -> tuple[np.ndarray, np.ndarray]:
+def _log_priors(each: float) -> tuple[np.ndarray, np.ndarray]:
     """Log-normal: a factor 3 around 1 for the geometry, and HIDDEN or USUAL for joint errors; of the noise chi-square.
 
-    The design effect is at most the number of rows that share one deficit of the model (Kish 1965): with few rows per
-    unknown of the geometry it is near 1.
+    There are `each` rows for each unknown of the geometry. The design effect is at most the number of rows that share
+    one deficit of the model (Kish 1965): with few of them it is near 1. Rows that the geometry alone can explain say
+    nothing of joint errors: these are expected by the share of the rows that it leaves free.
     """
     geometry, errors = _factors()
     kappa, noise = np.meshgrid(KAPPAS, NOISES, indexing="ij")
-    structure = -0.5 * (np.log(geometry) / np.log(3)) ** 2 - 0.5 * (np.log(kappa) / np.log(shared)) ** 2
-    parts = [share * _log_normal(errors, *size) for share, size in ((HIDING, HIDDEN), (1 - HIDING, USUAL))]
+    structure = -0.5 * (np.log(geometry) / np.log(3)) ** 2 - 0.5 * (np.log(kappa) / np.log(1 + each)) ** 2
+    usual = LEAST + (MOST - LEAST) * max(1 - 1 / each, 0.0)
+    parts = [share * _log_normal(errors, *size) for share, size in ((1 - usual, HIDDEN), (usual, USUAL))]
     stated = -CERTAIN * np.log(noise) - CERTAIN / 2 / noise**2
     return structure + np.log(np.sum(parts, axis=0) + TINY), np.broadcast_to(stated, structure.shape)
 
