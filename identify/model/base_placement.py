@@ -11,7 +11,6 @@ from identify.model.cell import CATALOGUE, DEG, TAUGHT_BASE, TAUGHT_TOOL, Cell, 
 from identify.model.frames import pose, transform
 from identify.model.ik import reach
 from identify.model.jig import Jig
-from identify.model.meshes import READERS
 from identify.model.robot import Robot
 from identify.model.zone import cone, frames
 
@@ -150,8 +149,7 @@ def _foot(robot: Robot) -> Float[np.ndarray, "points 3"]:
     points = [np.zeros((1, 3))]
     for shape in (shape for shape in robot.shapes if shape.link == 0):
         if shape.kind == "mesh":
-            readable = shape.path is not None and shape.path.suffix.lower() in READERS
-            points.append(shape.mesh[0] if readable else np.empty((0, 3)))
+            points.append(shape.mesh[0] if shape.readable else np.empty((0, 3)))
         elif shape.kind in ("box", "cylinder", "sphere"):
             half = {"box": np.array(shape.size) / 2, "cylinder": np.array(shape.size)[[0, 0, -1]] * [1, 1, 0.5]}
             corners = np.array(list(product((-1, 1), repeat=3))) * half.get(shape.kind, np.full(3, shape.size[0]))

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from identify.model.files import InputError, Mistake
-from identify.model.meshes import read_mesh
+from identify.model.meshes import READERS, read_mesh
 
+PRIMITIVES = ("box", "cylinder", "sphere")
 WIDEST = 30_000.0  # [mm], a wider link was drawn in millimetres
 PAIRS = 1 << 17  # lines and triangles that are looked at together, for the cache
 
@@ -25,6 +26,11 @@ class Shape:
     pose: Float[np.ndarray, "4 4"]  # link_T_shape [mm]
     file: str = ""  # of a mesh, as the URDF names it
     path: Path | None = None  # where that was found
+
+    @property
+    def readable(self) -> bool:
+        """Whether it is of a kind that is read, and its mesh was found."""
+        return self.kind in PRIMITIVES or (self.path is not None and self.path.suffix.lower() in READERS)
 
     @cached_property
     def mesh(self) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "triangles 3"]]:

@@ -8,12 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from identify.model.joint import Capsule
-from identify.model.meshes import READERS
 from identify.model.robot import Robot
 from identify.model.shape import Shape
 from probe.motion.clusters import clusters
 
-PRIMITIVES = ("box", "cylinder", "sphere")
 EXTRA = "touchcal[collision]"
 PARTS = 24  # capsules around the parts of a mesh
 
@@ -36,7 +34,7 @@ class Body:
 
 def bodies(robot: Robot) -> tuple[Body, ...]:
     """The shapes of a robot that can be read; raises InputError where the file of a mesh is broken."""
-    return tuple(_body(shape) for shape in robot.shapes if _readable(shape))
+    return tuple(_body(shape) for shape in robot.shapes if shape.readable)
 
 
 @lru_cache(maxsize=128)
@@ -52,7 +50,7 @@ def exact_meshes() -> bool:
 def notes(robot: Robot) -> tuple[str, ...]:
     """What a person should know of how the arm is kept clear: one sentence each."""
     out, lost = list[str](), [s for s in robot.shapes if s.kind == "mesh" and s.path is None]
-    strange = [s for s in robot.shapes if s not in lost and not _readable(s)]
+    strange = [s for s in robot.shapes if s not in lost and not s.readable]
     if lost:
         out.append(
             f"collision: {_meshes(lost)} not found beside the URDF or in the folders above it, '{lost[0].file}' of "
@@ -79,10 +77,6 @@ def _meshes(shapes: list[Shape]) -> str:
 def _links(shapes: list[Shape]) -> str:
     names = list(dict.fromkeys(f"'{shape.name}'" for shape in shapes))
     return f"link{'s' if len(names) > 1 else ''} {', '.join(names)}"
-
-
-def _readable(shape: Shape) -> bool:
-    return shape.kind in PRIMITIVES or (shape.path is not None and shape.path.suffix.lower() in READERS)
 
 
 def around(shape: Shape) -> Capsule:

@@ -200,7 +200,7 @@ def _shapes(robot: Robot) -> tuple[Balls, ...]:
     """Points on the surfaces of the shapes of a robot."""
     out = []
     for shape in robot.shapes:
-        points = _surface(shape)
+        points = _surface(shape) if shape.readable else np.empty((0, 3))
         if len(points):
             out.append(Balls(shape.link, f"link '{shape.name}'", points, 0.0))
     return tuple(out)
@@ -209,8 +209,6 @@ def _shapes(robot: Robot) -> tuple[Balls, ...]:
 def _surface(shape: Shape) -> Float[np.ndarray, "points 3"]:
     """Points on the surface of a shape, SPACING apart, in the frame of its link."""
     if shape.kind == "mesh":
-        if shape.path is None:
-            return np.empty((0, 3))
         vertices, triangles = shape.mesh
         return _thinned(np.concatenate([vertices[np.unique(triangles)], *_inside(vertices[triangles])]))
     size = np.array(shape.size)
