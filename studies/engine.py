@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from identify.model.files import InputError, nearest, read_sheet, read_text, sheet_text, write_text
+from identify.model.files import InputError, is_plain, nearest, read_sheet, read_text, sheet_text, write_text
 from oed.criteria.own import OwnCriterion
 from studies import STUDIES
 
@@ -133,6 +133,8 @@ def _header(path: Path) -> list[str]:
 
 
 def _column(cells: Sequence[str]) -> list[Any]:
+    if not all(map(is_plain, cells)):  # float reads 1_0 and digits of every alphabet
+        return list(cells)
     try:
         return [float(cell) if cell else float("nan") for cell in cells]
     except ValueError:

@@ -59,14 +59,16 @@ class Folder:
             return None
         try:
             notes = loads(read_text(file))
-            for key in ("cell", "approach_mm", "travel_mm"):
-                notes[key]
-        except (JSONDecodeError, KeyError, TypeError):
-            raise InputError([Mistake(str(file), 0, f"not of a campaign; {ELSEWHERE}")]) from None
-        if notes["cell"] != fingerprint(self.cell):
+            lengths, cell, inputs = (notes["approach_mm"], notes["travel_mm"]), notes["cell"], notes.get("inputs", {})
+            sound = isinstance(inputs, dict) and all(0.0 < length < np.inf for length in lengths)
+        except (JSONDecodeError, RecursionError, KeyError, TypeError):
+            sound = False
+        if not sound:
+            raise InputError([Mistake(str(file), 0, f"not of a campaign; {ELSEWHERE}")])
+        if cell != fingerprint(self.cell):
             raise InputError([Mistake(str(file), 0, f"the campaign in this folder is of another cell; {ELSEWHERE}")])
         plan = self.path / f"plan-{number}.csv"
-        if notes.get("inputs", {}).get(plan.name) != digest(plan):
+        if inputs.get(plan.name) != digest(plan):
             raise InputError([Mistake(str(plan), 0, f"it was changed after it was planned; {ELSEWHERE}")])
         return read_plan(plan, self.cell), notes
 

@@ -84,7 +84,7 @@ def next_command(plan: Path, touches: Path) -> str:
     """What to do with the touches of a plan, as the .json file beside the plan says."""
     try:
         after = json.loads(plan.with_suffix(".json").read_text(encoding="utf-8"))["next"]
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         after = IDENTIFY
     return str(after).replace(TOUCHES, str(touches))
 

@@ -17,7 +17,10 @@ from identify.model.io.description import library, read_cell, read_jig, read_rob
 from identify.model.io.measurements import read_measurements
 from identify.model.io.poses import read_poses
 from identify.model.io.tables import plan_text, read_plan, read_positions, read_touches
+from identify.programs.setup import read_setups
+from oed.campaigns.folder import Folder
 from probe.runs.session import Session, journal_path
+from studies.engine import read_table
 
 PATIENCE = 20.0  # [s] for one file of a few kilobytes, on a machine that is busy
 NUMBER = re.compile(rb"-?\d+\.\d+|-?\d+")
@@ -42,6 +45,22 @@ MUTATIONS = (
     "deep",
 )
 NONSENSE = ("underscore", "digits", "comma")  # a number changed so must be refused, wherever a number is read
+SETUP = """frames: {1: {x_mm: 800.5, y_mm: 0.25, z_mm: 400, rz_deg: 90}}
+tools: {3: {z_mm: 410.5, ry_deg: -18.5}}
+joints: {sign: {j3: -1}, coupled: true}
+near_deg: [0.5, 0, 0, 0, -90.5, 0]
+"""
+BACKUP = """[*SYSTEM*]$MNUFRAME  Storage: SHADOW  Access: RW  : ARRAY[1,9] OF POSITION
+    [1,1] =
+  Group: 1   Config: N D B, 0, 0, 0
+  X:   800.500   Y:  -120.250   Z:     -.750
+  W:    10.000   P:     -.649   R:    90.000
+[*SYSTEM*]$MNUTOOL  Storage: SHADOW  Access: RW  : ARRAY[1,10] OF POSITION
+    [1,1] =
+  Group: 1   Config: N D B, 0, 0, 0
+  X:     0.000   Y:     0.000   Z:   410.000
+  W:     0.000   P:   -18.000   R:     0.000
+"""
 
 
 class Files:
@@ -67,6 +86,10 @@ class Files:
             "measured.csv": (f"id,{names},x_mm,y_mm,z_mm\n{positions}", lambda path: read_measurements(path, cell)),
             "poses.csv": (poses, read_poses),
             "session.csv": ("", self._resume),
+            "plan-1.json": ("", self._go_on),
+            "setup.yaml": (SETUP, lambda path: read_setups([path], robot)),
+            "sysframe.va": (BACKUP, lambda path: read_setups([path], robot)),
+            "chunk.csv": ("touches,strategy,error_mm\n20,even,0.125\n40,optimal,0.062\n", read_table),
             "calibration.json": (json.dumps({"touchcal": "1", "parameters": [{"name": "j1.d"}]}), read_calibration),
         }
         self.texts = {name: text.encode() for name, (text, _) in texts.items()}
@@ -76,6 +99,10 @@ class Files:
             session.trusted("B")
             session.rejected("nothing")
         self.plan = plan
+        self.stages = Folder(folder / "stages", cell, {})
+        self.stages.path.mkdir()
+        self.stages.keep_plan(1, plan, {"stage": 1, "approach_mm": 25.5, "travel_mm": 35.5})
+        self.texts["plan-1.json"] = (self.stages.path / "plan-1.json").read_bytes()
         self.texts["session.csv"] = journal_path(folder / "kept.csv").read_bytes()
 
     def _resume(self, path: Path) -> Any:
@@ -85,6 +112,12 @@ class Files:
         journal_path(table).write_bytes(path.read_bytes())
         with Session(table, self.cell, self.plan, resume=True) as session:
             return session.results
+
+    def _go_on(self, path: Path) -> Any:
+        (self.stages.path / "plan-1.json").write_bytes(path.read_bytes())
+        planned = self.stages.planned(1)
+        assert planned is not None
+        return float(planned[1]["approach_mm"]), float(planned[1]["travel_mm"])
 
     def complaint(self, seed: int) -> str:
         """What a reader did with a mutated file that it may not do, or nothing."""
@@ -105,7 +138,11 @@ class Files:
         except Exception as error:
             return f"{name}, {kind}: {type(error).__name__}: {str(error)[:120]}"
         else:
-            numbers = name.endswith(".csv") and name not in ("session.csv", "plan.csv")
+            numbers = name.endswith(".csv") and name not in (
+                "session.csv",
+                "plan.csv",
+                "chunk.csv",
+            )  # a study has words, too
             if kind in NONSENSE and changed and numbers:
                 return f"{name}, {kind}: a number was read as something else"
         spent = time.perf_counter() - began

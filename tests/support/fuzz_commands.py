@@ -15,18 +15,23 @@ from unittest.mock import patch
 
 import numpy as np
 from fuzz import MUTATIONS, NONSENSE, Files, mutate
+from maker_bench import Bench, make
 from touching import clear_plan
 
 from identify.estimation.calibrate import CalibrationFailed
 from identify.model.files import InputError
-from identify.model.io.tables import plan_text
+from identify.model.io.description import read_cell
+from identify.model.io.tables import plan_text, read_plan
 from oed.cli import main
 from probe.line.controller import TouchError
+from probe.programs.options import Options
+from probe.virtual.truth import Truth
 
 PATIENCE = 60  # [s] of the processor for one command
 LONGEST = 20000  # characters of what is said
 FIT = ("--errors", "none", "--keep")
 LOCATE = ("locate", "calibration.json", "touches.csv", "--workpiece", "jig.yaml")
+IMPORT = ("import", "posreg1.va", "numreg1.va", "--plan", "plan.csv", "--maker", "fanuc", "-o", "imported.csv")
 PROGRAM = """/PROG  SEAM
 /ATTR
 /MN
@@ -67,6 +72,12 @@ COMMANDS = (
     Command("touches.csv", LOCATE, ("workpiece.json",)),
     Command("jig.yaml", LOCATE, ("workpiece.json",)),
     Command("SEAM.LS", ("fix", "calibration.json", "SEAM.LS", "-o", "fixed"), ("fixed/SEAM.LS",)),
+    *(
+        Command(name, ("fix", "calibration.json", "SEAM.LS", "--setup", name, "-o", "fixed"), ("fixed/SEAM.LS",))
+        for name in ("setup.yaml", "sysframe.va")
+    ),
+    *(Command(name, IMPORT, ("imported.csv",), 0.5) for name in ("posreg1.va", "numreg1.va")),
+    Command("plan.json", ("run", "plan.csv", "--port", "sim", "-o", "made.csv"), ("made.csv",), 0.2),
     Command("plan.csv", ("run", "plan.csv", "--port", "sim", "-o", "made.csv"), ("made.csv",), 0.3),
     Command("session.journal", ("run", "plan.csv", "--port", "sim", "-o", "session.csv", "--resume"), (), 0.3),
     Command("session.csv", ("run", "plan.csv", "--port", "sim", "-o", "session.csv", "--resume"), (), 0.3),
@@ -84,6 +95,7 @@ class Commands:
         cell = texts["cell.yaml"].decode()
         texts["cell.yaml"] = (
             cell.replace("library:arc-welder", "robot.yaml").replace("library:step-block", "jig.yaml").encode()
+            + b"joints: {coupled: {}}\n"
         )
         texts["plan.csv"] = plan_text(clear_plan(sound.cell, 3), sound.cell.robot).encode()
         texts["pendant.csv"] = self._pendant(sound).encode()
@@ -95,13 +107,23 @@ class Commands:
         cells = [line.split(",")[3:] for line in [*rows, *more]]
         lines = [",".join([f"t{i}", "hit", face, *q]) for i, (face, q) in enumerate(zip(faces, cells, strict=False))]
         texts["touches.csv"] = "".join(f"{line}\n" for line in [header, *lines]).encode()
-        del texts["calibration.json"]
+        texts["plan.json"] = b'{"next": "touchcal identify TOUCHES"}'
+        for name in ("calibration.json", "plan-1.json", "chunk.csv"):
+            del texts[name]
         for name, text in texts.items():
             (self.kept / name).write_bytes(text)
         with self._here(self.kept):
             self._made("identify", "fit.csv", *FIT)
+            self._log()
             self._made("run", "plan.csv", "--port", "sim", "-o", "session.csv")
         self.texts = {path.name: path.read_bytes() for path in self.kept.iterdir() if path.is_file()}
+
+    def _log(self) -> None:
+        """What the program of a maker logs of the plan."""
+        cell = read_cell(self.kept / "cell.yaml")
+        plan = read_plan(self.kept / "plan.csv", cell)
+        for name, text in make(Bench(cell, plan, Truth(cell.theta)), "fanuc", self.folder, Options()).logs.items():
+            (self.kept / name).write_text(text, newline="")
 
     def _pendant(self, sound: Files) -> str:
         lines = sound.texts["positions.csv"].decode().splitlines()
