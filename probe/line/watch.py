@@ -43,7 +43,8 @@ class Watch:
     def objection(self, q: Float[np.ndarray, " joints"], closed: bool, *, stands: bool = False) -> str:
         """What is wrong with a position [deg] or [mm] that a moving robot reports, or nothing.
 
-        Of one that says that it `stands`, before or after its motion, no progress is expected.
+        Of one that says that it `stands`, before or after its motion, no progress is expected. Some say so while they
+        move: none can be further along than its time allows.
         """
         now, away = self._clock.now(), q - self._start
         fraction = float(away @ self._line) / self._square if self._square else 0.0
@@ -51,15 +52,15 @@ class Watch:
         along = fraction * self._span
         if off > self._off:
             return f"{off:.2f} deg off the commanded path"
+        possible = FASTER * self._rate * (self._clock.robot() - self._began + LATE) + OFF
+        if along > possible:
+            return f"{along:.2f} deg along its path, expected at most {possible:.2f} deg at {self._rate:.2f} deg/s"
         if stands:
             return ""
         if along > self._span + OFF:
             return f"{along - self._span:.2f} deg beyond the end of the commanded path"
         if along < self._farthest - OFF:
             return f"moved back by {self._farthest - along:.2f} deg on its path"
-        possible = FASTER * self._rate * (self._clock.robot() - self._began + LATE) + OFF
-        if along > possible:
-            return f"{along:.2f} deg along its path, expected at most {possible:.2f} deg at {self._rate:.2f} deg/s"
         if along > self._progress + OFF / 10 or self._span - along < OFF or np.isinf(self._progressed):
             self._progress, self._progressed = along, now
         self._farthest = max(self._farthest, along)

@@ -35,6 +35,7 @@ REPLAYED = {
         "grbl",
         2,
     ),
+    "a search five times too fast, whose reports all said Idle, gave a touch": ("grbl", 1324),
     "a motion cut short on the line went where the rest of it said": ("grbl", 1071),
     "a motion astray was not watched while its reports still said Idle": ("grbl", 1130),
     "one lost byte let a robot go on for a millimetre that was to be held": ("grbl", 5065),
