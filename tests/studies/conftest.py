@@ -15,4 +15,5 @@ def quick_plans() -> Iterator[None]:
         patch.setattr(certificate, "STARTS", 8)
         patch.setattr(visitable, "ROBOTS", 8)
         patch.setattr(strategies, "SEARCHES", 6)
+        patch.setattr(strategies, "SWEEPS", 1)
         yield

@@ -19,7 +19,7 @@ from probe.virtual.readings import draw_named
     [("tracker", "position", 0.1), ("ballbar", "distance", 0.3), ("sockets", "contact", 1.5)],
 )
 def test_a_cell_for_a_device_leads_to_an_identified_robot(tmp_path, monkeypatch, touchcal, measure, kind, most):
-    monkeypatch.setattr(kinds, "plan_kinds", partial(kinds.plan_kinds, count=300))
+    monkeypatch.setattr(kinds, "plan_kinds", partial(kinds.plan_kinds, count=150))
     code, out, _ = touchcal("init", tmp_path, "--robot", "irb120", "--measure", measure)
     monkeypatch.chdir(tmp_path)
     cell, rng = read_cell(tmp_path / "cell.yaml"), np.random.default_rng(3)
