@@ -252,6 +252,7 @@ class Kind:
     columns: tuple[str, ...]
     needs: str  # of the cell
     does: str = "stand still and measure"  # what device or operator do for one; {name} stands for a column of the table
+    equations: int = 1  # scalar ones of a measurement
 
 
 MEASUREMENTS: dict[str, Kind] = {
@@ -262,6 +263,7 @@ MEASUREMENTS: dict[str, Kind] = {
         ("x_mm", "y_mm", "z_mm"),
         "a tracker in the jig frame",
         "stand still; the tracker reads the position",
+        3,
     ),
     "pose": Kind(
         Poses,
@@ -269,6 +271,7 @@ MEASUREMENTS: dict[str, Kind] = {
         ("x_mm", "y_mm", "z_mm", "rz_deg", "ry_deg", "rx_deg"),
         "a tracker of six axes",
         "stand still; the tracker reads the pose",
+        6,
     ),
     "distance": Kind(
         Distances,
@@ -278,10 +281,16 @@ MEASUREMENTS: dict[str, Kind] = {
         "stand still; read the distance to {anchor}",
     ),
     "contact": Kind(
-        Contacts, _contact_rows, ("point",), "points: with the sockets", "bring the tip into {point}; read the joints"
+        Contacts,
+        _contact_rows,
+        ("point",),
+        "points: with the sockets",
+        "bring the tip into {point}; read the joints",
+        3,
     ),
 }
-"""Kinds of measurements by their names."""
+"""Kinds of measurements by their names. A further one is also a row of COLUMNS and READERS (`io.measurements`) and,
+to be planned, of POSTURES (`oed.candidates.kinds`); its table has fields placement, tool, temperature, payload."""
 
 
 def tip_rows(q: Float[np.ndarray, "poses joints"], sigma: float = 1.0) -> Rows:

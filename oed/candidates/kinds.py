@@ -100,7 +100,7 @@ def _clear(postures: Postures, kind: str, clearance: Clearance) -> Postures:
     return clear.take(np.flatnonzero(clearance.segment_gaps(*clearance.wire(clear.q), WIRE) >= WIRE))
 
 
-def _free(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int, kind: str = "position") -> Postures:
+def free(cell: Cell, theta: np.ndarray, rng: np.random.Generator, count: int, kind: str = "position") -> Postures:
     """Any posture whose tip is within view."""
     robot, box = cell.robot, _view(cell, kind)
     q = rng.uniform(robot.lower, robot.upper, (20 * count, len(robot.joints)))
@@ -203,8 +203,8 @@ def _contact_table(cell: Cell, theta: np.ndarray, at: Postures) -> Measurements:
 Draw = Callable[[Cell, np.ndarray, np.random.Generator, int], Postures]
 MakeTable = Callable[[Cell, np.ndarray, Postures], Measurements]
 POSTURES: dict[str, tuple[Draw, MakeTable]] = {
-    "position": (_free, _position_table),
-    "pose": (partial(_free, kind="pose"), _pose_table),
+    "position": (free, _position_table),
+    "pose": (partial(free, kind="pose"), _pose_table),
     "distance": (_around, _distance_table),
     "contact": (_in, _contact_table),
 }

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from identify.model.cell import Cell
 from identify.model.files import InputError
 from identify.model.io.calibration_file import Calibration
-from identify.model.measurement import Measurements, rows, spacing_rows
+from identify.model.measurement import MEASUREMENTS, Measurements, rows, spacing_rows
 from identify.model.touch import Plan
 from identify.model.zone import zone_poses
 from identify.uncertainty.coordinates import of_all_unknowns, of_identifiable
@@ -32,7 +32,6 @@ from probe.motion.tour import Order
 COUNT = 2000  # candidates of each kind; a third of it of those with three rows, a sixth with six
 NAMED = 3  # unknowns that explain a limit
 MANY = 1e8  # times that all candidates are measured, for what no number of them shows
-ROWS = {"position": 3, "pose": 6, "distance": 1, "contact": 3}  # of a measurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +218,9 @@ def _touches(prior: Information, rng: np.random.Generator, count: int) -> Offer:
 
 def _others(prior: Information, kind: str, clearance: Clearance, rng: np.random.Generator, count: int) -> Offer:
     cell, theta = prior.unknowns.cell, prior.theta
-    table, notes = measurements(cell, kind, rng, max(count // ROWS[kind], 1), theta=theta, clearance=clearance)
+    table, notes = measurements(
+        cell, kind, rng, max(count // MEASUREMENTS[kind].equations, 1), theta=theta, clearance=clearance
+    )
     lines = rows(cell.wire, [table], cell.robot, cell.places)
     tip, R = cell.kinematics.tip(table.q, theta)
     plan = Plan(table.ids, ("",) * len(table), tip, -R[:, :, 2], table.q, table.q)

@@ -1,6 +1,7 @@
 """One design over several kinds: within its minutes, better than each alone, and delivered as promised."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,7 +9,12 @@ import pytest
 from identify.estimation.calibrate import calibrate
 from identify.model.cell import Device, Point
 from identify.model.files import InputError
+from identify.model.io.kinds_plan import readings_text
+from identify.model.io.measurements import COLUMNS, READERS, joints_of, read_measurements, sigma_of
+from identify.model.measurement import MEASUREMENTS, Kind, Rows
+from identify.model.touch import Table
 from identify.model.zone import zone_poses
+from oed.candidates.kinds import POSTURES, free
 from oed.planning.kinds import plan_kinds
 from oed.planning.kinds_problem import kinds_problem
 from probe.virtual.batch import touch_batch
@@ -107,3 +113,56 @@ def test_a_robot_that_is_measured_by_the_plan_is_as_accurate_as_promised(cell, b
 def test_what_cannot_be_planned_is_refused_in_words(cell, kinds, budget, words):
     with pytest.raises(InputError, match=words):
         plan_kinds(cell, kinds, budget, count=200)
+
+
+@dataclass(frozen=True, eq=False)
+class Heights(Table):
+    """What a dial gauge reads: z of the tip."""
+
+    ids: tuple[str, ...]
+    q: np.ndarray
+    z: np.ndarray
+    sigma: np.ndarray
+    placement: None = None
+    tool: None = None
+    temperature: None = None
+    payload: None = None
+
+
+@pytest.fixture
+def height(monkeypatch):
+    """A kind that the tables did not hold, with one row in each."""
+
+    def equation(wire, table, places):
+        m = len(table)
+        return Rows(table.q, np.eye(3)[[2] * m], table.z, np.zeros(m), table.sigma, table.ids, np.arange(m))
+
+    def read(sheet, cell, trust_units):
+        q = joints_of(sheet, cell.robot, trust_units)
+        return Heights(tuple(sheet.text("id")), q, sheet.numbers("height_mm"), sigma_of(sheet, cell.sigma("height")))
+
+    def make(cell, theta, at):
+        z = cell.kinematics.tip(at.q, theta)[0][:, 2]
+        return Heights(tuple(map(str, range(len(z)))), at.q, z, np.full(len(z), cell.sigma("height")))
+
+    monkeypatch.setitem(MEASUREMENTS, "height", Kind(Heights, equation, ("height_mm",), "a gauge", "read the gauge"))
+    monkeypatch.setitem(COLUMNS, "height", ("height_mm",))
+    monkeypatch.setitem(READERS, "height", read)
+    monkeypatch.setitem(POSTURES, "height", (partial(free, kind="height"), make))
+
+
+def test_a_kind_added_to_the_tables_is_planned_read_and_used(height, arc_welder, tmp_path):
+    plan, file = plan_kinds(arc_welder, ["height"], 10.0, count=200), tmp_path / "heights.csv"
+    head, *lines = readings_text(plan.parts, arc_welder.robot).splitlines()
+    filled = [f"{line}{z:.4f}" for line, z in zip(lines, plan.parts[0].table.z, strict=True)]
+    file.write_text("\n".join([head, *filled, ""]))
+
+    (table,) = read_measurements(file, arc_welder)
+    found = calibrate(arc_welder, table, folds=0, errors="cell")
+
+    assert isinstance(table, Heights)
+    assert found.sigma[2] < 0.9 * arc_welder.spread[2]
+    assert found.theta == pytest.approx(arc_welder.theta, abs=1e-3)  # nominal readings
+    file.write_text("\n".join([head, f"{lines[0]}abc", ""]))
+    with pytest.raises(InputError, match="height_mm is 'abc', expected a number"):
+        read_measurements(file, arc_welder)

@@ -7,7 +7,8 @@ import pytest
 
 from identify.model.cell import Device
 from identify.model.files import InputError
-from oed.planning.kinds_problem import ROWS, kinds_problem
+from identify.model.measurement import MEASUREMENTS
+from oed.planning.kinds_problem import kinds_problem
 
 pytestmark = pytest.mark.xdist_group("kinds problem")
 
@@ -20,8 +21,8 @@ def problem(arc_welder):
 
 def test_every_candidate_has_the_rows_of_its_kind(problem):
     for offer in problem.offers:
-        assert set(np.bincount(offer.owner)) == {ROWS[offer.kind]}
-        assert len(offer.of(np.array([0, 2]))) == 2 * ROWS[offer.kind]
+        assert set(np.bincount(offer.owner)) == {MEASUREMENTS[offer.kind].equations}
+        assert len(offer.of(np.array([0, 2]))) == 2 * MEASUREMENTS[offer.kind].equations
     assert len(problem.rows) == sum(len(offer.rows) for offer in problem.offers)
 
 
