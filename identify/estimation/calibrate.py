@@ -10,9 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from identify.estimation.all_joint_errors import JointErrors, with_joint_errors
 from identify.estimation.changes import Change, with_changes
-from identify.estimation.diagnosis import diagnose
+from identify.estimation.diagnosis import diagnose, place_findings
 from identify.estimation.edges import without_doubtful
-from identify.estimation.faces import face_findings, with_jig_as_it_is
+from identify.estimation.faces import with_jig_as_it_is
 from identify.estimation.folds import regions
 from identify.estimation.gauge import gauge_words, require_scale
 from identify.estimation.problem import CalibrationFailed, Problem
@@ -31,6 +31,7 @@ from identify.model.calibration import (
     summarize,
 )
 from identify.model.cell import Cell
+from identify.model.files import InputError
 from identify.model.measurement import Measurements, Rows, equations
 from identify.uncertainty.unknowns import Unknowns
 
@@ -63,11 +64,9 @@ def calibrate(
     if not tables or any(isinstance(table, list | tuple) for table in tables):
         raise TypeError("calibrate takes measurements table by table: calibrate(cell, *read_measurements(path, cell))")
     tables = tuple(table.measured() for table in tables)
-    for table in tables:
-        cell.robot.require_radians(table.q)
     with threadpool_limits(1):  # several threads spin more than they compute on matrices of 200 columns
         rng, cell = np.random.default_rng(0) if rng is None else rng, cell_with_errors(cell, errors)
-        whole = equations(cell, tables)
+        whole = _equations(cell, tables)
         problem = Problem.pose(cell, whole, loss, priors, parameters == "identifiable")
         choice: tuple[Term, ...] = ()
         if errors == "auto" and parameters == "identifiable":
@@ -97,6 +96,16 @@ def calibrate(
         held_out = fit.held_out(folds, rng)
         wrong = labels(problem, result, whole) if parameters == "all" else ()
         return _calibration(problem, fit, held_out, tables, whole, wrong, changes, inputs or {})
+
+
+def _equations(cell: Cell, tables: tuple[Measurements, ...]) -> Rows:
+    """The equations of all measurements; raises InputError if there is none, or joints are in degrees."""
+    for table in tables:
+        cell.robot.require_radians(table.q)
+    rows = equations(cell, tables)
+    if not len(rows):
+        raise InputError("there is nothing to identify from: no touch of status hit, no position; make some first")
+    return rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +210,7 @@ def _calibration(
         inputs=dict(inputs),
         spans={name: (float(value.min()), float(value.max())) for name, value in places.items()},
     )
-    return replace(calibration, findings=(*face_findings(calibration), *calibration.findings))
+    return replace(calibration, findings=(*place_findings(calibration), *calibration.findings))
 
 
 def _wrong_faces(wrong: tuple[Label, ...]) -> Iterator[Finding]:

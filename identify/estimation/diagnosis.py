@@ -1,24 +1,54 @@
-"""What residuals give away of the robot: joints read too early, one bad joint; and touches that were left out."""
+"""What a fit gives away: base or tool far off, joints read too early, one bad joint, touches that were left out."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from identify.estimation.changes import Case, Residuals, certainty
+from identify.estimation.faces import face_findings
 from identify.estimation.problem import Problem
 from identify.estimation.robust import Estimate
-from identify.model.io.calibration_file import Finding
+from identify.model.calibration import Calibration, Finding
+from identify.model.frames import inverse, transform
 from identify.model.measurement import Measurements
 from identify.model.touch import Positions
 
 SHARE = 0.2  # of the residuals' squares that one joint explains, to be called bad
 TWICE = 2.0  # as much as any other joint does
+FAR = 6.0  # times its tolerance that a base or a tool may be off
 
 
 def diagnose(problem: Problem, estimate: Estimate, tables: Sequence[Measurements]) -> tuple[Finding, ...]:
     """What is wrong with touches or robot, as far as residuals tell."""
     case = Case(problem, estimate, tables)
     return (*_unsettled(case), *_joint(case, case.residuals(estimate.used)), *_outliers(case))
+
+
+def place_findings(c: Calibration) -> tuple[Finding, ...]:
+    """A base or a tool far off; where both are sound, faces and a jig that are: a wrong frame makes faces look wrong."""
+    return tuple(frame_findings(c)) or tuple(face_findings(c))
+
+
+def frame_findings(c: Calibration) -> Iterator[Finding]:
+    """A base or a tool that is identified many times its tolerance off what the cell file says."""
+    frames = (
+        ("base", c.cell.base, c.theta[:6], c.cell.priors.base),
+        ("tool", c.cell.tool, c.theta[-6:], c.cell.priors.tool),
+    )
+    for name, stated, identified, (length, angle) in frames:
+        if stated is None:
+            continue
+        apart = inverse(transform(stated)) @ transform(identified)
+        shift = float(np.linalg.norm(apart[:3, 3]))
+        turn = float(np.arccos(np.clip((np.trace(apart) - 2) / 2, -1, 1)))
+        times = max(shift / length, turn / angle)
+        if times > FAR:
+            yield Finding(
+                name,
+                f"the touches put the {name} {shift:.1f} mm and {np.degrees(turn):.1f} degrees from where the cell file "
+                f"has it, {times:.0f} times its tolerance ({name}_mm: {length:g}, {name}_deg: {np.degrees(angle):g}); "
+                f"look at {name} of the cell file, correct it, then identify again",
+            )
 
 
 def _unsettled(case: Case) -> Iterator[Finding]:

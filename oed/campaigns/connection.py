@@ -117,6 +117,9 @@ def connection(
 ) -> Connection:
     """The connection that the cell file describes, with what a user gives in its place; raises InputError."""
     controller = cell.controller
+    if "" in (port, protocol, truth):
+        option = "--port" if port == "" else "--protocol" if protocol == "" else "--truth"
+        raise InputError(f"{option} is empty; write its value, or leave the option out")
     if axis_unit_deg is not None and not axis_unit_deg > 0:
         raise InputError(f"--axis-unit-deg is {axis_unit_deg:g}, expected a number above 0")
     if time_scale is not None and not time_scale > 0:

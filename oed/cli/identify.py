@@ -242,6 +242,9 @@ def _scatter(c: "Calibration") -> list[str]:
     if c.scatter < 1:
         return [f"residuals scatter less than the stated sigma (x {c.scatter:.2f}): sigma_mm may be smaller"]
     far = ["or it is so far off its drawing that --parameters all is the better choice"] if c.combinations else []
+    far_off = [finding.kind for finding in c.findings if finding.kind in ("base", "tool")]
+    if far_off:
+        return [f"residuals scatter {c.scatter:.2f} times the stated sigma: correct {' and '.join(far_off)} first"]
     return [
         f"residuals scatter {c.scatter:.2f} times the stated sigma: intervals are widened by that; the touches are",
         "worse than stated (joints read before the robot settled?), or the robot bends more than the model knows",

@@ -62,3 +62,9 @@ def test_a_virtual_robot_stands_at_the_first_approach(arc_welder, protocol, tmp_
 
     assert controller.joints == 6
     np.testing.assert_allclose(state.q, plan.approach[0], atol=np.radians(1e-3))
+
+
+@pytest.mark.parametrize("option", ["port", "protocol", "truth"])
+def test_an_option_that_a_shell_left_empty_is_refused_and_not_taken_from_the_cell(cell, option):
+    with pytest.raises(InputError, match=f"--{option} is empty"):
+        connection(cell, **{option: ""})

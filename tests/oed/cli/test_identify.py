@@ -308,3 +308,18 @@ def test_a_drift_is_estimated_and_the_calibration_is_that_of_its_middle(folder, 
     assert float(" ".join(out.split()).split("z ")[1].split()[0]) == pytest.approx(0.8, abs=0.1)
     verified = json.loads(touchcal("verify", "calibration.json", "unseen.csv", "--json")[1])
     assert verified["p95_mm"] < verified["promised_p95_mm"] < 0.4
+
+
+@pytest.mark.parametrize("statuses", [[], ["miss", "miss"]])
+def test_a_table_without_a_counted_touch_is_answered_in_one_sentence(folder, touchcal, statuses):
+    header, *rows = (folder / "touches.csv").read_text().splitlines()
+    place = header.split(",").index("status")
+    columns = [row.split(",") for row in rows[: len(statuses)]]
+    for row, status in zip(columns, statuses, strict=True):
+        row[place] = status
+    (folder / "none.csv").write_text("\n".join([header, *map(",".join, columns)]) + "\n")
+
+    code, _, said = touchcal("identify", "none.csv", "-o", "none.json")
+
+    assert (code, said.count("\n"), (folder / "none.json").exists()) == (2, 1, False)
+    assert "nothing to identify from: no touch of status hit" in said
