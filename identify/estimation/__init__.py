@@ -18,7 +18,7 @@ In the order in which data walks through:
     discrepancy       how large joint errors and noise are on this arm, by regions left out, averaged
     all_joint_errors  the estimate with all joint errors at once
     face_association  the most probable robot while the touches alone do not determine it
-    diagnosis         causes that a fit shows: base or tool far off, joints read too early, one bad joint, touches left out
+    diagnosis         causes that a fit shows: base or tool far off, joints read too early, one bad joint, outliers
     calibrate         from touches to a Calibration
     verdict           whether a calibration may be used, and what to do if not
     verification      errors where the fit has not looked

@@ -25,7 +25,7 @@ def diagnose(problem: Problem, estimate: Estimate, tables: Sequence[Measurements
 
 
 def place_findings(c: Calibration) -> tuple[Finding, ...]:
-    """A base or a tool far off; where both are sound, faces and a jig that are: a wrong frame makes faces look wrong."""
+    """A base or a tool far off; where both are sound, faces and a jig that are: a wrong frame accuses faces."""
     return tuple(frame_findings(c)) or tuple(face_findings(c))
 
 
@@ -45,9 +45,9 @@ def frame_findings(c: Calibration) -> Iterator[Finding]:
         if times > FAR:
             yield Finding(
                 name,
-                f"the touches put the {name} {shift:.1f} mm and {np.degrees(turn):.1f} degrees from where the cell file "
-                f"has it, {times:.0f} times its tolerance ({name}_mm: {length:g}, {name}_deg: {np.degrees(angle):g}); "
-                f"look at {name} of the cell file, correct it, then identify again",
+                f"the touches put the {name} {shift:.1f} mm and {np.degrees(turn):.1f} degrees from where the cell "
+                f"file has it, {times:.0f} times its tolerance ({name}_mm: {length:g}, "
+                f"{name}_deg: {np.degrees(angle):g}); look at {name} of the cell file, correct it, then identify again",
             )
 
 

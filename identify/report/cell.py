@@ -31,7 +31,7 @@ def cell_page(cell: Cell, words: str) -> str:
     tool = "" if cell.tool is None else _torch(cell)
     sections = [
         f'<h1>Cell of {escape(cell.robot.name)}</h1><p class="verdict">{escape(note)} {escape(tool)}</p>',
-        view(view_data),
+        view(view_data, "postures"),
         f"<pre>{escape(words)}</pre>",
     ]
     return page(f"Cell of {cell.robot.name}", "\n".join(sections), view_data)

@@ -8,7 +8,7 @@
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
   } catch (error) {
-    holder.textContent = "This browser cannot draw in 3-D (no WebGL); all numbers stand in the tables.";
+    holder.textContent = "This browser cannot draw in 3-D (no WebGL); all numbers stand in the text of this page.";
     return;
   }
   holder.appendChild(renderer.domElement);

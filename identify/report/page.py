@@ -22,12 +22,12 @@ def page(title: str, body: str, scene: dict[str, Any]) -> str:
     )
 
 
-def view(scene: dict[str, Any]) -> str:
-    """The frame of the 3-D view, with the controls that step through the touches."""
+def view(scene: dict[str, Any], steps: str = "touches") -> str:
+    """The frame of the 3-D view, with the controls that step through the touches, or what else the `steps` are."""
     count = len(scene["touches"])
     frame = '<div id="view" tabindex="0" role="group" aria-label="3-D view; arrow keys turn it"></div>'
     if not count:
-        return f'{frame}<p id="caption" class="soft">no touches to step through</p>'
+        return f'{frame}<p id="caption" class="soft">no {steps} to step through</p>'
     both = "identified" in scene["touches"][0]
     boxes = '<label><input type="checkbox" id="nominal" checked> nominal robot</label>'
     if both:
@@ -41,7 +41,7 @@ def view(scene: dict[str, Any]) -> str:
         f'<input id="step" type="range" min="0" max="{count - 1}" value="0" aria-label="touch">{boxes}</div>'
         '<p id="caption" class="soft" aria-live="polite"></p>'
         '<p class="soft"><span class="screen">Drag or arrow keys turn the view, scroll or + and - zoom, buttons or '
-        f"page keys step through the touches{remainder}. </span>Green: the weld zone.</p>"
+        f"page keys step through the {steps}{remainder}. </span>Green: the weld zone.</p>"
     )
 
 

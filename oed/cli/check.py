@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from identify.model.files import InputError, write_text
@@ -24,7 +25,8 @@ def check(
 ) -> int:
     """Validate the cell, and compare its model with poses read off the pendant.
 
-    Exit code 1 where model and pendant disagree; the usual causes are tried (axis signs, joint 3 coupled to joint 2,
+    Exit code 2 where the robot reaches nothing of the zone or can touch nothing of the jig, each with the reason. Exit
+    code 1 where model and pendant disagree; the usual causes are tried (axis signs, joint 3 coupled to joint 2,
     offsets of a right angle, flange or tip, base height, order of the angles, mm or m), and the one that explains it is
     named. How the controller counts its joints (axis signs, coupling, zeros) is proposed as `joints:` of the cell, and
     written there with --fix; where all agree, --fix writes that no joint is counted together with another.
@@ -57,13 +59,35 @@ def check(
             print(f"wrote {_line(described, counting)} into {cell}")
         described = load_cell(cell)
         agreement = compare(described, read_pendant(pendant, described))
+    useless = _useless(described)
     if json:
-        result = structure(described)
-        print_json({"robot": described.robot.name, "rank": result.rank, "pendant": agreement and asdict(agreement)})
+        answer = {"robot": described.robot.name, "rank": structure(described).rank, "useless": useless}
+        print_json(answer | {"pendant": agreement and asdict(agreement)})
     else:
-        print(story(described, agreement))
-        print(_picture(described, cell))
-    return 0 if agreement is None or agreement.agrees else 1
+        text = "\n".join([*story(described), *_pendant(described, agreement), *_next(useless, agreement, cell)])
+        print(text)
+        print(_picture(described, cell, text))
+    return 2 if useless else 0 if agreement is None or agreement.agrees else 1
+
+
+def _useless(cell: "Cell") -> list[str]:
+    """Why this cell can do nothing: a zone that is not reached, a jig of which nothing can be touched."""
+    from identify.model.zone import zone_poses
+    from identify.report.cell import POSTURES
+    from oed.candidates.candidates import candidates
+
+    if cell.base is None or cell.tool is None:  # where they stand is not known yet
+        return []
+    sentences = list[str]()
+    for part, look in (
+        (cell.zone, lambda: zone_poses(cell, poses=POSTURES)),
+        (cell.jig, lambda: candidates(cell, np.random.default_rng(0), 1)),
+    ):
+        try:
+            _ = part is None or look()
+        except InputError as error:
+            sentences.append(str(error))
+    return sentences
 
 
 def _to_write(cell: "Cell", agreement: "Agreement | None") -> "JointCounting | None":
@@ -74,20 +98,20 @@ def _to_write(cell: "Cell", agreement: "Agreement | None") -> "JointCounting | N
     return replace(cell.robot.counting, uncoupled=True) if as_model else agreement.counting
 
 
-def _picture(described: "Cell", cell: Path) -> str:
+def _picture(described: "Cell", cell: Path, text: str) -> str:
     """Draw the page beside the cell file; the sentence that says so, or why there is none."""
     from identify.report.cell import cell_page
 
     page = cell.with_suffix(".html")
     try:
-        write_text(page, cell_page(described, story(described, None)))
+        write_text(page, cell_page(described, text))
     except InputError as error:
         return f"no picture: {error}"
     return f"look at {page}: robot, torch, jig and zone"
 
 
-def story(cell: "Cell", agreement: "Agreement | None") -> str:
-    """What a person wants to see again of the cell file, and what the pendant says to it."""
+def story(cell: "Cell") -> list[str]:
+    """What a person wants to see again of the cell file."""
     from identify.model.cell import DEG
     from identify.model.identifiability import structure
 
@@ -104,7 +128,7 @@ def story(cell: "Cell", agreement: "Agreement | None") -> str:
     lines += _shapes(cell)
     if cell.robot.counting.differs:
         lines.append(f"the controller counts otherwise than the model: {_line(cell, cell.robot.counting)}")
-    return "\n".join([*lines, *_pendant(cell, agreement)])
+    return lines
 
 
 def _shapes(cell: "Cell") -> list[str]:
@@ -141,9 +165,20 @@ def _line(cell: "Cell", counting: "JointCounting") -> str:
     return line_text("joints", entry) if entry else "no joints:"
 
 
+def _next(useless: list[str], agreement: "Agreement | None", file: Path) -> list[str]:
+    """Whether the cell can be worked with, and what is to be done next."""
+    if useless:
+        lines = [f"this cell can do nothing: {sentence}" for sentence in useless]
+        return [*lines, f"correct base, tool and zone in {file}: lengths are millimetres, angles degrees"]
+    named = "" if file == Path("cell.yaml") else f"--cell {file} "
+    compare = f"touchcal check {named}--pendant {file.parent / 'pendant.csv'}"
+    return [] if agreement else [f"cell is valid; compare it with the pendant: {compare}"]
+
+
 def _pendant(cell: "Cell", agreement: "Agreement | None") -> list[str]:
+    """What the pendant says to the cell."""
     if agreement is None:
-        return ["cell is valid; compare it with the pendant: touchcal check --pendant pendant.csv"]
+        return []
     if agreement.agrees:
         return [f"pendant: agrees within {agreement.position_mm:.2f} mm and {agreement.angle_deg:.2f} degrees"]
     lines = [f"pendant: DISAGREES by up to {agreement.position_mm:.1f} mm and {agreement.angle_deg:.1f} degrees"]

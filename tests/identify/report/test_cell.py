@@ -13,6 +13,8 @@ def test_the_page_shows_postures_of_the_zone(arc_welder):
     assert "posture 12" in text
     assert "robot arc-welder: &lt;6&gt; joints" in text
     assert "sideways" not in text
+    assert "step through the postures" in text
+    assert "step through the touches" not in text
 
 
 def test_a_sideways_torch_is_said_so(arc_welder):

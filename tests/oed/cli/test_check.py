@@ -1,6 +1,7 @@
 """`touchcal check`: what it says of a cell and of a pendant, and what it writes."""
 
 import numpy as np
+import pytest
 
 from identify.model.frames import euler, transform
 from identify.model.io.description import read_cell
@@ -59,3 +60,31 @@ def test_check_writes_how_the_controller_counts_and_keeps_the_comments(tmp_path,
     assert written[0] == 0
     assert cell.read_text() == before + line + "\n"
     assert "pendant: agrees" in written[1]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "why"), [(340, 3000, "reaches no pose of the weld zone"), (340, 3000, "out of reach"), (200, 150, "jig")]
+)
+def test_a_base_out_of_reach_or_inside_the_jig_is_said_and_refused_with_the_reason(tmp_path, touchcal, x, y, why):
+    touchcal("init", tmp_path)
+    cell = tmp_path / "cell.yaml"
+    cell.write_text(
+        cell.read_text().replace("base: {x_mm: 340, y_mm: 740, z_mm: 350", f"base: {{x_mm: {x}, y_mm: {y}, z_mm: 0")
+    )
+    assert read_cell(cell).base[1] == y
+
+    code, said, _ = touchcal("check", "--cell", cell)
+
+    assert (code, "cell is valid" in said) == (2, False)
+    assert why in said.split("this cell can do nothing: ", 1)[1]
+    assert "this cell can do nothing" in (tmp_path / "cell.html").read_text()
+
+
+def test_the_command_to_go_on_with_names_the_files_from_where_the_user_stands(tmp_path, touchcal):
+    touchcal("init", tmp_path)
+
+    code, said, _ = touchcal("check", "--cell", tmp_path / "cell.yaml")
+
+    command = said.split("touchcal check ")[1].splitlines()[0].split()
+    assert code == 0
+    assert command == ["--cell", str(tmp_path / "cell.yaml"), "--pendant", str(tmp_path / "pendant.csv")]
