@@ -108,16 +108,6 @@ def _equations(cell: Cell, tables: tuple[Measurements, ...]) -> Rows:
     return rows
 
 
-def _equations(cell: Cell, tables: tuple[Measurements, ...]) -> Rows:
-    """The equations of all measurements; raises InputError if there is none, or joints are in degrees."""
-    for table in tables:
-        cell.robot.require_radians(table.q)
-    rows = equations(cell, tables)
-    if not len(rows):
-        raise InputError("there is nothing to identify from: no touch of status hit, no position; make some first")
-    return rows
-
-
 @dataclass(frozen=True, eq=False)
 class _Fit:
     """A problem, its estimate, and what the joint errors add."""
