@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from identify.compensation.ipopt import solve
-from identify.compensation.postures import nominal
+from identify.compensation.postures import nominal, regular_branch
 from identify.compensation.trust import RESIDUAL, joint_change, reasons, turned_around
 from identify.model.files import InputError
 from identify.model.frames import inverse, pose, transform
@@ -81,9 +81,10 @@ def compensate(
 
     `frame` is the jig, the robot's base, or a user frame as a pose in the base. Poses `fixed_to` the jig stand still
     where the base was found somewhere else; those fixed to the robot move with it. `near` is a posture to look for
-    solutions from, for all targets or one each. `free_roll` leaves the turn about the wire open. A target is left alone
-    and says why where the residual is not below RESIDUAL, a limit is passed, or a joint would change by more than
-    `max_change` [rad]; not given, that is CHANGE, or for a robot that is far off USUAL times what is usual for it.
+    solutions from, for all targets or one each, that of `regular_branch` if not given. `free_roll` leaves the turn
+    about the wire open. A target is left alone and says why where the residual is not below RESIDUAL, a limit is
+    passed, or a joint would change by more than `max_change` [rad]; not given, that is CHANGE, or for a robot that is
+    far off USUAL times what is usual for it.
     """
     cell, nominal_theta = calibration.cell, believed(calibration)
     turn = float(np.abs(poses[:, 3:]).max(initial=0.0))
@@ -171,7 +172,9 @@ def _before(
     robot = calibration.cell.robot
     if near is not None and near.shape not in {(len(robot.joints),), (len(T), len(robot.joints))}:
         raise InputError(f"near has shape {near.shape}, expected {len(robot.joints)} joints, or that for every target")
-    q, reached = nominal(calibration.cell.kinematics, believed(calibration), T, near)
+    kinematics, theta = calibration.cell.kinematics, believed(calibration)
+    start = regular_branch(kinematics, theta, T) if near is None and len(T) else near
+    q, reached = nominal(kinematics, theta, T, start)
     q[~reached] = np.nan
     return q, ["" if ok else "out of reach: the nominal robot has no solution within its limits" for ok in reached]
 

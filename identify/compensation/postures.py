@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from identify.compensation.trust import smallest
+from identify.compensation.trust import joint_change, smallest
 from identify.model.ik import reach
 from identify.model.ik_step import LEVER
 from identify.model.kinematics import Kinematics
@@ -12,6 +12,8 @@ from identify.model.robot import Robot
 SEEDS = 400  # postures drawn to find one to start from
 ROUNDS = 8  # of drawing, for targets that nothing else has reached
 ITERATIONS = 30
+SPREAD = 8  # targets to which a branch is followed, to choose it
+BRANCHES = 100  # at the most
 PIONEERS = 16  # of so many targets one is solved first, and the others start from the nearest of these
 
 
@@ -81,6 +83,36 @@ def posture(
     way = np.linalg.norm(position - middle, axis=1) / LEVER + turned + 2 * effort
     regular = smallest(kinematics, theta, q)
     return np.asarray(q[np.argmin(np.where(regular >= np.median(regular), way, np.inf))])
+
+
+def regular_branch(
+    kinematics: Kinematics, theta: Float[np.ndarray, " parameters"], T: Float[np.ndarray, "targets 4 4"]
+) -> Float[np.ndarray, " joints"]:
+    """One posture to reach all targets from: of the branch that reaches most of them and stays farthest from singular.
+
+    Branches are the solutions for a target near the middle, from many starts; each is followed to targets spread over
+    all. Of branches as regular as each other, the one nearest to the middle of the joints is taken.
+    """
+    robot = kinematics.robot
+    middle = (robot.lower + robot.upper) / 2
+    some = T[np.unique(np.linspace(0, len(T) - 1, SPREAD).astype(int))]
+    inward = np.argsort(np.linalg.norm(some[:, :3, 3] - np.median(T[:, :3, 3], axis=0), axis=1), kind="stable")
+    for k in inward.tolist():
+        anchor = np.repeat(some[k : k + 1], SEEDS, axis=0)
+        ends = reach(kinematics, theta, anchor[:, :3, 3], anchor[:, :3, :3], _draws(robot, SEEDS, 0))
+        branches = np.unique(ends.q[ends.reached()].round(3), axis=0)[:BRANCHES]
+        if len(branches):
+            break
+    else:
+        return np.asarray(middle)
+    targets = np.tile(some, (len(branches), 1, 1))
+    start = np.repeat(branches, len(some), axis=0)
+    ends = reach(kinematics, theta, targets[:, :3, 3], targets[:, :3, :3], start, iterations=ITERATIONS)
+    kept = ends.reached() & (joint_change(robot, start, ends.q).max(axis=1) < np.pi / 2)
+    regular = np.where(kept, smallest(kinematics, theta, ends.q), 0.0).reshape(len(branches), -1)
+    effort = np.abs((branches - middle) / (robot.upper - robot.lower)).mean(axis=1)
+    best = np.lexsort((effort, -regular.min(axis=1).round(2), -(regular > 0).sum(axis=1)))[0]
+    return np.asarray(branches[best])
 
 
 def _middle_turn(T: Float[np.ndarray, "targets 4 4"]) -> Float[np.ndarray, "3 3"]:

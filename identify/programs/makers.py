@@ -23,5 +23,10 @@ def maker_of(name: str) -> Maker:
     maker = MAKERS.get(Path(name).suffix.lower())
     if maker is None:
         formats = ", ".join(f"{suffix} ({maker.name})" for suffix, maker in MAKERS.items())
-        raise InputError([Mistake(name, 0, f"not a program of a maker that is known; known endings: {formats}")])
+        other = (
+            "for others, Universal Robots among them, correct the poses: touchcal compensate calibration.json poses.csv"
+        )
+        raise InputError(
+            [Mistake(name, 0, f"not a program of a maker that is known; known endings: {formats}; {other}")]
+        )
     return maker

@@ -25,7 +25,8 @@ class Solving:
     """How joints are solved for."""
 
     near: str | None = None
-    """A posture to look for solutions from, as the pendant shows it: joint values parted by commas (degrees, or mm)."""
+    """A posture to look for solutions from, as the pendant shows it: joint values parted by commas (degrees, or mm).
+    Not given, the branch is taken that stays farthest from singular. A correction is of the branch it was made for."""
     free_roll: Flag = False
     """Leave the turn about the wire open."""
     max_change_deg: float | None = None

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def report(
     calibration: Path,
-    *,
+    *files: Path,
     unseen: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
     since: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
     operator: str = "",
@@ -28,14 +28,16 @@ def report(
     shown with its meshes if the cell file names a URDF that has some.
     Example:
 
-        touchcal report calibration.json --unseen unseen.csv -o report.html
+        touchcal report calibration.json unseen.csv -o report.html
 
     Parameters
     ----------
     calibration
         What touchcal identify wrote.
+    files
+        Touches or positions that were not used, as for verify: the page then states an accuracy.
     unseen
-        Touches or positions that were not used: the page then states an accuracy.
+        The same as an option.
     since
         Earlier calibrations of the same robot: the page then shows what has changed.
     operator
@@ -54,6 +56,7 @@ def report(
 
     calibrated = _with_shapes(read_calibration(calibration), cell)
     tables, _ = read_tables(inputs_beside(calibrated, calibration.parent), calibrated.cell, trust_units=True)
+    unseen = (*files, *unseen)
     verified = verify(calibrated, *read_tables(unseen, calibrated.cell, trust_units=False)[0]) if unseen else None
     issue = Issue(date.today().isoformat(), operator, version=version("touchcal"))
     earlier = [(str(path), read_calibration(path)) for path in since]

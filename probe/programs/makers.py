@@ -40,12 +40,16 @@ class Maker:
     write: Callable[[Part], dict[str, str]]
     read: Callable[[Sequence[Path], Robot, int], list[Log]]
 
+    @property
+    def _input(self) -> str:
+        return "a number from 0 to 7" if self.example.isdigit() else f"one like {self.example}"
+
     def check(self, options: Options) -> None:
         """Raise InputError where an option is not in the notation of this maker."""
         options.check()
         frame = "a number" if self.tool == NUMBER else "a name"
         for name, value, pattern, form in (
-            ("--input", options.input, self.signal, self.example),
+            ("--input", options.input, self.signal, self._input),
             ("--tool", options.tool, self.tool, frame),
             ("--frame", options.frame, self.tool, frame),
         ):

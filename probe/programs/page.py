@@ -16,6 +16,7 @@ class Instructions:
     load: tuple[str, ...]  # how the files get into the controller
     save: tuple[str, ...]  # what comes back, and what it is called
     overwrites: str  # what the program writes over
+    slowly: str = "in T1 at 10 % override, with the deadman in your hand"  # the first time
     unproven: str = ""  # what stands in the manual, and not in two public programs
 
 
@@ -48,13 +49,15 @@ def _page(
     yield from (f"* **{note}**" for note in notes)
     yield from (f"* {text.format(**words)}" for text in maker.prepare)
     yield "* The torch, the jig and the table stand as cell.yaml says; nothing else is in the way between the touches."
-    yield "* The wire is cut to the length that cell.yaml says, and the torch does not feed."
+    yield "* The wire is cut where tool: of cell.yaml puts its tip, and the torch does not feed."
     yield f"* The program overwrites {maker.overwrites.format(**words)}: back up what you need of it."
-    yield "* Jog the robot above the jig: the first motion goes from there straight to the first posture."
+    posture = ", ".join(f"{value:.1f}" for value in parts[0].counts(parts[0].routines[0].legs[0].q))
+    yield "* Jog the robot above the jig, near the first posture, whole turns of joints included: the first motion goes"
+    yield f"  straight there. Its joints are {posture}."
     yield from ("", "## Load", "")
     yield from (f"* {text.format(**words)}" for text in maker.load)
     yield from ("", "## Run", "")
-    yield "* First in T1 at 10 % override, with the deadman in your hand, at least the first five touches."
+    yield f"* First {maker.slowly}, at least the first five touches."
     yield "* First the rehearsal (touchcal program ... --rehearsal): every approach from further off, no search."
     if not options.rehearsal:
         yield "* Then the touches. Search at 100 % override: touches come late by speed times delay, here at"

@@ -56,7 +56,7 @@ class Part:
             f"touchcal: {kind}, file {self.number} of {self.parts}",
             f"touches {self.routines[0].id} to {last.id} of the plan, stamp {self.stamp}",
             UNTRIED,
-            "Run it in T1 at low override first.",
+            "Run it slowly first, in the manual mode of the controller.",
         )
 
 

@@ -43,6 +43,7 @@ INSTRUCTIONS = Instructions(
         "what comes in touches.log, too, and can read that file again.",
     ),
     overwrites="nothing",
+    slowly="in manual mode with the speed slider at 10 % and the enabling device in your hand, where there is one",
 )
 
 

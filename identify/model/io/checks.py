@@ -74,16 +74,16 @@ def _placement(document: Document, key: str, pose: PoseEntry) -> list[Mistake]:
     wrong = []
     if 0 < max(abs(pose.x_mm), abs(pose.y_mm), abs(pose.z_mm)) < SHORT:
         wrong.append(document.wrong(f"{key} lies within {SHORT:g} mm of its origin: {METRES}", key))
-    return wrong + _quarter_turns(document, pose, ("rz_deg", "ry_deg", "rx_deg"), key)
+    return wrong + _in_radians(document, pose, ("rz_deg", "ry_deg", "rx_deg"), key)
 
 
-def _quarter_turns(document: Document, entry: Strict, names: Sequence[str], *place: int | str) -> list[Mistake]:
-    """Numbers that should be degrees and are 90 or 180 degrees in radians."""
+def _in_radians(document: Document, entry: Strict, names: Sequence[str], *place: int | str) -> list[Mistake]:
+    """Numbers that should be degrees and are 45, 90, 135 or 180 degrees in radians."""
     angles = {name: getattr(entry, name) for name in names}
     return [
         document.wrong(f"{name} is {angle:g}: {RADIANS}", *place, name)
         for name, angle in angles.items()
-        if np.isclose(abs(angle), [np.pi / 2, np.pi], rtol=0, atol=5e-4).any()
+        if np.isclose(abs(angle), np.pi * np.arange(1, 5) / 4, rtol=0, atol=5e-4).any()
     ]
 
 
@@ -195,7 +195,7 @@ def _joint(document: Document, i: int, entry: JointEntry) -> list[Mistake]:
         if getattr(entry, name) is not None:
             cure = f"write {name.replace(other, unit)} in place of {name}"
             wrong.append(document.wrong(f"joint {i + 1} is {entry.type}: {cure}", "joints", i, name))
-    return wrong + _quarter_turns(document, entry, ("theta_deg", "alpha_deg", "beta_deg"), "joints", i)
+    return wrong + _in_radians(document, entry, ("theta_deg", "alpha_deg", "beta_deg"), "joints", i)
 
 
 def jig_mistakes(document: Document) -> list[Mistake]:

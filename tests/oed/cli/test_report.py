@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 
+UNSEEN = [("unseen.csv",), ("--unseen", "unseen.csv")]
+
 
 def test_a_calibration_is_reported_with_the_touches_beside_it(planned, touchcal, arc_welder):
     from measured import poses_over_jig, table_2, touches_at
@@ -21,3 +23,13 @@ def test_a_calibration_is_reported_with_the_touches_beside_it(planned, touchcal,
     page = (planned / "report.html").read_text()
     assert '"id": "t60"' in page
     assert json.loads((planned / "report.json").read_text())["inputs"].keys() == {"touches.csv"}
+
+
+def test_unseen_files_are_named_as_for_verify(folder, touchcal):
+    touchcal("identify", "touches.csv")
+    told = [touchcal("report", "calibration.json", *words, "-o", f"{len(words)}.html") for words in UNSEEN]
+
+    assert [code for code, *_ in told] == [0, 0]
+    assert (folder / "1.html").read_text() == (folder / "2.html").read_text()
+    verified = json.loads(touchcal("verify", "calibration.json", "unseen.csv", "--json")[1])
+    assert f"{verified['p95_mm']:.3f}" in (folder / "1.html").read_text()

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from probe.programs.makers import MAKERS
@@ -11,9 +12,9 @@ from probe.programs.part import Part
 
 
 def written(maker, **options):
-    touches = tuple(SimpleNamespace(number=k, id=f"t{k}") for k in (1, 2))
+    touches = tuple(SimpleNamespace(number=k, id=f"t{k}", legs=(SimpleNamespace(q=np.zeros(6)),)) for k in (1, 2))
     chosen = Options(**options)
-    part = Part(1, 1, touches, chosen, 123456, 5.0, None)
+    part = Part(1, 1, touches, chosen, 123456, 5.0, SimpleNamespace(to_controller=np.degrees))
     return page(MAKERS[maker].instructions, "RI[1]", [part], chosen, ["mind the step"])
 
 

@@ -115,18 +115,23 @@ def test_the_page_says_what_to_set_how_to_load_it_and_what_comes_back(maker, few
     page = program(few.plan, few.cell, maker, Options()).files[PAGE]
 
     assert MAKERS[maker].example in page or maker == "ur"
-    for word in ("## Before", "## Load", "T1 at 10 % override", "rehearsal", "touchcal import", "--maker " + maker):
+    slowly = "speed slider at 10 %" if maker == "ur" else "T1 at 10 % override"
+    assert ("T1" in page) == (maker != "ur")  # a Universal Robot has no mode of that name
+    first = few.cell.robot.to_controller(few.plan.approach[0])
+    assert f"Its joints are {', '.join(f'{value:.1f}' for value in first)}." in page
+    for word in ("## Before", "## Load", slowly, "rehearsal", "touchcal import", "--maker " + maker):
         assert word in page
 
 
 @pytest.mark.parametrize(
     ("maker", "options", "words"),
     [
-        ("fanuc", Options(input="DI1"), "--input is 'DI1', expected DI[1]"),
-        ("kuka", Options(input="DI[1]"), "expected $MEAS_PULSE[1]"),
+        ("fanuc", Options(input="DI1"), "--input is 'DI1', expected one like DI[1]"),
+        ("kuka", Options(input="DI[1]"), "expected one like $MEAS_PULSE[1]"),
         ("abb", Options(tool="1"), "--tool is '1', expected a name"),
-        ("yaskawa", Options(input="RIN#(1)"), "expected RIN#(1),IN#(1)"),
+        ("yaskawa", Options(input="RIN#(1)"), "expected one like RIN#(1),IN#(1)"),
         ("ur", Options(input="8"), "--input is '8'"),
+        ("ur", Options(input="DI1"), "expected a number from 0 to 7 on Universal Robots"),
         ("ur", Options(wait=0.1), "--wait is 0.1, expected 0.3 to 10"),
         ("ur", Options(search_speed=-1.0), "search_speed is -1, expected more than 0"),
         ("fanuc", Options(registers=4), "no register is left for a touch"),
