@@ -21,7 +21,7 @@ CELL_MISTAKES = {
     "base in metres": ("x_mm: 340, y_mm: 740, z_mm: 350", "x_mm: 0.34, y_mm: 0.74", "3: base lies within 5 mm of its"),
     "tool in metres": ("z_mm: 410", "z_mm: 0.41", "4: tool lies within 5 mm of its origin: metres?"),
     "base in radians": ("rz_deg: -90", "rz_deg: -1.5708", "3: rz_deg is -1.5708: radians?"),
-    "tool in radians": ("z_mm: 410", "z_mm: 410\n  ry_deg: -0.785", "6: ry_deg is -0.785: radians?"),
+    "tool in radians": ("ry_deg: -18", "ry_deg: -0.785", "6: ry_deg is -0.785: radians?"),
     "approach in metres": ("approach_mm: 25", "approach_mm: 0.025", "7: approach_mm is 0.025: metres?"),
     "zone in metres": ("[[0, 400], [0, 300], [0, 250]]", "[[0, 0.4], [0, 0.3], [0, 0.2]]", "8: the zone lies within 5"),
     "zone turned around": ("[0, 300]", "[300, 0]", "8: zone box: y runs from 300 to 0; write the smaller first"),
