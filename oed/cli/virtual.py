@@ -35,7 +35,9 @@ def virtual(
     Parameters
     ----------
     truth
-        A truth file, or library:arc-welder; drawn from the cell's priors where not given.
+        A truth file, or library:arc-welder; drawn from the cell's priors where not given. A truth file is YAML with
+        parameters: {base.x: 339.1, j2.alpha: 1.2}, by the names that identify prints, in mm and degrees; parameters
+        not named are those of the cell.
     protocol
         What it speaks.
     port

@@ -1,10 +1,15 @@
 """`touchcal virtual`: a cell behind a port, served by another process."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
 from pathlib import Path
+
+import numpy as np
+
+from probe.virtual.truth import read_truth
 
 COMMAND = [str(Path(sys.executable).parent / "touchcal")]
 
@@ -20,3 +25,14 @@ def test_touches_go_through_a_port_that_another_process_serves(planned, touchcal
 
     assert code == 0, err
     assert json.loads(out)["hits"] == 3
+
+
+def test_the_truth_file_that_the_help_shows_is_one(arc_welder, touchcal, tmp_path):
+    shown = re.search(r"parameters: \{[^}]*\}", touchcal("virtual", "--help")[1])
+    (tmp_path / "truth.yaml").write_text(" ".join(shown[0].split()))
+
+    theta = read_truth(tmp_path / "truth.yaml", arc_welder).theta
+
+    changed = np.flatnonzero(theta != arc_welder.theta)
+    assert [arc_welder.robot.parameters[i] for i in changed] == ["base.x", "j2.alpha"]
+    np.testing.assert_allclose(theta[changed], [339.1, np.radians(1.2)])
