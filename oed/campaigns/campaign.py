@@ -173,7 +173,7 @@ class _Loop:
         if self.promised is None or after is None:
             return plan_under_uncertainty(cell, n, rng, after, self.trail)
         plan = self.planner(cell, n, rng, after)
-        started = begun(plan, UncertainEdges(Clearance(cell, after.theta), after.theta[None], 0.0), self.trail)
+        started = begun(plan, UncertainEdges(Clearance(cell, after.theta), robots=after.theta[None]), self.trail)
         stuck = started is plan and self.trail is not None  # no way leads to any of them from where the robot stands
         return plan_under_uncertainty(cell, n, rng, after, self.trail) if stuck else started
 

@@ -20,11 +20,13 @@ from oed.candidates.feasibility import Feasibility
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
 from oed.planning.searches import Searches, searches
-from probe.motion.edges import Edges
+from probe.motion.edges import ROBOTS, Edges
 from probe.motion.roadmap import Roadmap, home, lifts
 from probe.motion.room import SIGMAS
 from probe.motion.tour import Order
 
+RISK = 0.05  # share of the robots drawn from what is known whose arms may hit something in a touch
+MOST = 0.5  # share of the touches in which the arm of a robot may hit something: such a robot cannot stand there
 REMEMBERED = 3  # sets of touches whose searches are kept: a plan, and those that its curve compares it with
 # what sets of other candidates share
 SHARED = (
@@ -106,7 +108,19 @@ class CandidateSet:
     @cached_property
     def edges(self) -> Edges:
         """Which ways between postures are clear, by as much as the tip may be off."""
-        return Edges(self.feasibility.clearance, keep=SIGMAS * float(np.nanmax(self.candidates.margins.deviation)))
+        keep = SIGMAS * float(np.nanmax(self.candidates.margins.deviation))
+        return Edges(self.feasibility.clearance, keep=keep, robots=self.prior.robots(ROBOTS, np.random.default_rng(0)))
+
+    def spares_arms(self, touches: Candidates) -> Bool[np.ndarray, " touches"]:
+        """Touches in which the arms of nearly all robots drawn from what is known hit nothing, to the search's end.
+
+        A robot whose arm hits something in most of them is none that stands there, and does not count.
+        """
+        room = 1 + self.candidates.margins.overtravel[touches.face] / self.cell.touch.approach
+        ends = (touches.approach, touches.q, touches.approach + room[:, None] * (touches.q - touches.approach))
+        hit = np.logical_or.reduce([self.edges.arm_hits(q) for q in ends])
+        hit = hit[hit.mean(axis=1) <= MOST]
+        return np.asarray(hit.sum(axis=0) <= RISK * ROBOTS)
 
     def visit(
         self,

@@ -1,7 +1,7 @@
 """Touches for a badly known robot: chosen quickly, and visited on ways that are clear for nearly all that it may be."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,15 +13,13 @@ from identify.model.io.calibration_file import Calibration
 from identify.model.touch import Plan
 from oed.planning.candidate_set import CandidateSet, make_candidate_set, plan_of
 from oed.planning.visitable import Best, visited
-from probe.motion.edges import FINE, Edges
+from probe.motion.edges import FINE, POINTS, ROBOTS, Edges
 from probe.motion.roadmap import with_via
 from probe.motion.torch import STICKOUT
 from probe.motion.tour import between
 
 ROUGH = 3000  # candidates: what is believed of the robot is not worth more care yet
-ROBOTS = 24  # drawn from what is known
 RISKS = (0.0, 0.1, 0.3, 1.0)  # share of them that may hit the jig on a way, the least that lets an order be found
-POINTS = 33  # of a way
 LOOKS = 1000  # at places, for an order
 ROOM = 3.0  # [mm], between wire and jig
 
@@ -30,25 +28,23 @@ ROOM = 3.0  # [mm], between wire and jig
 class UncertainEdges(Edges):
     """Edges on which the wire of nearly all robots stays out of the solid boxes."""
 
-    robots: Float[np.ndarray, "robots parameters"] = field(default_factory=lambda: np.empty((0, 0)))
-    risk: float = 1.0
-
     def clear(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
     ) -> Bool[np.ndarray, " ways"]:
         """As the usual ways are, and for nearly all robots."""
         ok = super().clear(start, end, step)
         some = np.flatnonzero(ok)
-        ok[some] = self._spared(start[some], end[some])
+        ok[some] = self._wire_spared(start[some], end[some])
         return ok
 
-    def _spared(
+    def _wire_spared(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
     ) -> Bool[np.ndarray, " ways"]:
         """Ways on which no more than the allowed share of the robots hit the jig."""
-        cell, most = self.clearance.cell, self.risk * len(self.robots)
+        robots = () if self.robots is None or self.risk >= 1.0 else self.robots
+        cell, most = self.clearance.cell, self.risk * len(robots)
         q, hits = between(start, end, POINTS), np.zeros(len(start))
-        for theta in self.robots if self.risk < 1.0 else ():
+        for theta in robots:
             rest = np.flatnonzero(hits <= most)
             tip, R = cell.kinematics.tip(q[rest].reshape(-1, q.shape[2]), theta)
             inside = np.zeros(len(tip), dtype=bool)
@@ -68,7 +64,7 @@ class UncertainCandidateSet(CandidateSet):
     def edges(self) -> UncertainEdges:
         """Which ways between postures are clear."""
         robots = self.prior.robots(ROBOTS, np.random.default_rng(0))
-        return UncertainEdges(self.feasibility.clearance, robots, self.risk)
+        return UncertainEdges(self.feasibility.clearance, robots=robots, risk=self.risk)
 
 
 def plan_under_uncertainty(

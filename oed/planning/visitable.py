@@ -49,16 +49,17 @@ class Visit:
 def visited(candidate_set: CandidateSet, pick: Pick, rng: np.random.Generator) -> Visit:
     """Touches that `pick` chooses, until they can be visited on clear ways.
 
-    What leads to blocked ways is given up, with all that is more like it than like what stays; after some tries, it is
-    put in the place of what is given up that tells nearly the same and can be visited. The best try is returned where
-    none is free of blocked ways.
+    What leads to blocked ways, or lets the arm of a robot that may be the real one hit something, is given up, with all
+    that is more like it than like what stays; after some tries, it is put in the place of what is given up that tells
+    nearly the same and can be visited. The best try is returned where none is free of blocked ways.
     """
     cell, at = candidate_set.cell, candidate_set.candidates.approach
     allowed = np.ones(len(at), dtype=bool)
     members, best, least = pick(allowed, None), None, 0
     for attempt in range(TRIES + MENDS):
-        order, clear = candidate_set.visit(candidate_set.candidates.take(members), rng, kicks=0)
-        away = _away(candidate_set.groups(candidate_set.candidates.take(members)), np.ones(len(members)))
+        chosen = candidate_set.candidates.take(members)
+        order, clear = candidate_set.visit(chosen, rng, kicks=0)
+        away = _away(candidate_set.groups(chosen), np.ones(len(members))) | ~candidate_set.spares_arms(chosen)
         if best is None or len(order.blocked) + away.sum() < least:
             best, least = Visit(replace(order, index=members[order.index]), allowed), len(order.blocked) + away.sum()
         if not least:

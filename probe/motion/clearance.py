@@ -59,6 +59,14 @@ class Clearance:
         return other
 
     @cached_property
+    def arm(self) -> "Clearance":
+        """The links before the last one among the obstacles: what a search that goes on must keep clear, too."""
+        other = self.at(self.theta)
+        moving = self._moving[~self._torch[self._moving]]
+        other.__dict__.update({"capsules": self.capsules, "pairs": (), "_moving": moving})
+        return other
+
+    @cached_property
     def capsules(self) -> tuple[Capsule, ...]:
         """Arm and torch; the torch comes last, and goes where the tip is by the parameters: behind the wire."""
         last = len(self.cell.robot.joints)

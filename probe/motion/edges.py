@@ -18,6 +18,8 @@ SHARE = 0.8  # of the distance that the nearer end of a way has, which the way k
 SPACING = 3.0  # [mm] that a point of arm or torch moves between two looks, at the least
 AT_ONCE = 4  # ways a posture that are looked at together, where only groups are asked for
 INTERVALS = 8  # of a way, for how far such points move on it
+ROBOTS = 24  # drawn from what is known
+POINTS = 33  # of a way, at which they are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,15 +28,23 @@ class Edges:
 
     A way keeps `keep` from the jig, or most of what both its ends have, and never less than half of MARGIN (arm and
     torch) and WIRE where its ends have that: the margin comes from what is known of the robot, and ends where there
-    would be no way left.
+    would be no way left. On a way that is taken, the arms of no more than a share `risk` of `robots`, which may be the
+    real one, hit anything.
     """
 
     clearance: Clearance
     keep: float = field(default=0.0, kw_only=True)  # [mm]
+    robots: Float[np.ndarray, "robots parameters"] | None = field(default=None, kw_only=True)
+    risk: float = field(default=0.0, kw_only=True)
 
-    def at(self, theta: Float[np.ndarray, " parameters"], keep: float) -> "Edges":
+    def at(
+        self,
+        theta: Float[np.ndarray, " parameters"],
+        keep: float,
+        robots: Float[np.ndarray, "robots parameters"] | None = None,
+    ) -> "Edges":
         """The ways of a robot with other parameters, whose tip may be off by another amount."""
-        return replace(self, clearance=self.clearance.at(theta), keep=keep)
+        return replace(self, clearance=self.clearance.at(theta), keep=keep, robots=robots)
 
     def clear(
         self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"], step: float = FINE
@@ -51,7 +61,29 @@ class Edges:
         rest = np.flatnonzero(ok[owner])
         on = owner[rest]
         ok[on[self.clearance.hits(q[rest], margin=arm[on], inside=inside[on]) != CLEAR]] = False
+        if step <= FINE and self.robots is not None and self.risk < 1.0:
+            some = np.flatnonzero(ok)
+            ok[some] = self._spared(start[some], end[some])
         return ok
+
+    def _spared(
+        self, start: Float[np.ndarray, "ways joints"], end: Float[np.ndarray, "ways joints"]
+    ) -> Bool[np.ndarray, " ways"]:
+        """Ways on which few enough arms hit an obstacle between two ends at which they do not."""
+        q = between(start, end, POINTS)
+        hit = self.arm_hits(q.reshape(-1, q.shape[2])).reshape(len(self._arms), len(q), POINTS)
+        new = hit.any(axis=2) & ~hit[:, :, 0] & ~hit[:, :, -1]
+        return np.asarray(new.sum(axis=0) <= self.risk * len(hit))
+
+    def arm_hits(self, q: Float[np.ndarray, "postures joints"]) -> Bool[np.ndarray, "robots postures"]:
+        """In which postures the arm of which robot that may be the real one hits an obstacle."""
+        hit = [arm.hits(q, margin=0.0) != CLEAR for arm in self._arms]
+        return np.array(hit, dtype=bool).reshape(len(hit), len(q))
+
+    @cached_property
+    def _arms(self) -> list[Clearance]:
+        """The arms of all these robots."""
+        return [self.clearance.at(theta).arm for theta in (() if self.robots is None else self.robots)]
 
     def among(self, q: Float[np.ndarray, "poses joints"]) -> Bool[np.ndarray, "poses poses"]:
         """Ways between every two poses that seem clear at a coarse look."""

@@ -21,6 +21,7 @@ from probe.motion.obstacles import obstacles
 from probe.motion.tour import RAMP, Order, minutes, order, travel
 
 LIFT = 40.0, 80.0  # [mm] that a lifted tip stands above its approach, or above all of the jig: at least and at most
+RISKS = 0.0, 1.0  # share of the robots drawn from what is known whose arms may hit something, where ways are few
 SEARCHES = 8  # rounds of looks before a way is given up
 AHEAD = 6  # shortest ways that are looked at finely in one round
 UNSEEN = 1.5  # times what a way takes, while nobody has looked whether it is clear
@@ -47,7 +48,7 @@ class Roadmap:
 
         Ways that keep what the tip may be off come first, then those that keep the least that is safe.
         """
-        for edges in dict.fromkeys((self.edges, replace(self.edges, keep=0.0))):
+        for edges in (self.edges, *(replace(self.edges, keep=0.0, risk=risk) for risk in RISKS)):
             way = np.stack([start, *via, goal, start, goal])
             clear = edges.clear(np.delete(way[:-1], len(via) + 1, axis=0), np.delete(way[1:], len(via) + 1, axis=0))
             if clear[:-1].all():

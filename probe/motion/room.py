@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from identify.model.cell import Cell
 from identify.model.jig import Face
 from probe.motion.clearance import CLEAR, NEAR, Clearance
-from probe.motion.edges import Edges
+from probe.motion.edges import ROBOTS, Edges
 from probe.motion.joint_path import Joints
 from probe.motion.obstacles import owners
 from probe.motion.roadmap import Roadmap
@@ -20,6 +20,7 @@ SIGMAS = 2.0  # of the tip's deviation that a way keeps from the jig
 PLACES = 8  # postures at which that deviation is taken
 UNKNOWN = 1e3  # [mm] or [rad], variance of what is to be fitted
 LOOKS = 9  # on a search, between approach and contact
+TINY = 1e-16  # [mm2] or [rad2], added to variances so that they have a root
 TYPICAL = 90  # percentile of the deviation over these postures
 
 
@@ -46,7 +47,15 @@ class Room:
         _, J = self.cell.kinematics.tip_jacobian(some, self.theta)
         worst = np.linalg.eigvalsh(J @ self._covariance @ J.transpose(0, 2, 1))[:, -1]
         keep = SIGMAS * float(np.sqrt(max(np.percentile(worst, TYPICAL), 0.0)))
-        return Roadmap(self._nominal.at(self.theta, keep), self._stops)
+        return Roadmap(self._nominal.at(self.theta, keep, self._robots()), self._stops)
+
+    def _robots(self) -> Float[np.ndarray, "robots parameters"]:
+        """Robots that may be the real one, as far as anything is known of it."""
+        known = np.diag(self._covariance) < UNKNOWN**2
+        L = np.linalg.cholesky(self._covariance[np.ix_(known, known)] + TINY * np.eye(known.sum()))
+        robots = np.tile(self.theta, (ROBOTS, 1))
+        robots[:, known] += np.random.default_rng(0).standard_normal((ROBOTS, known.sum())) @ L.T
+        return robots
 
     @cached_property
     def _nominal(self) -> Edges:
@@ -63,7 +72,7 @@ class Room:
 
     def clear(self, legs: Sequence[Float[np.ndarray, "postures joints"]]) -> list[bool]:
         """Whether paths over some postures are clear, each leg by the least that is safe."""
-        edges = replace(self.roadmap.edges, keep=0.0)
+        edges = replace(self.roadmap.edges, keep=0.0, risk=1.0)
         ok = edges.clear(np.concatenate([leg[:-1] for leg in legs]), np.concatenate([leg[1:] for leg in legs]))
         path = np.repeat(np.arange(len(legs)), [len(leg) - 1 for leg in legs])
         return (np.bincount(path, ~ok, len(legs)) == 0).tolist()
