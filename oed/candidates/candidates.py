@@ -17,6 +17,7 @@ from oed.candidates.feasibility import Feasibility, Infeasibility, unreached
 from oed.candidates.hits import Hits
 from oed.candidates.ik_branches import Branches, Poses
 from oed.candidates.targets import Targets, spread, structured
+from probe.motion.bodies import notes as notes_on_bodies
 from probe.motion.clearance import MARGIN
 
 COUNT = 30_000
@@ -130,7 +131,7 @@ def candidates(
     missing = unreached(feasibility, search.tally)
     if not len(every):
         raise InputError("no touch can be made. " + " ".join(missing))
-    notes = (*missing, *warnings(cell, feasibility.margins, every.number > 0), *feasibility.clearance.notes)
+    notes = (*missing, *warnings(cell, feasibility.margins, every.number > 0), *notes_on_bodies(cell.robot))
     hits = search.hits.requiring(every.face, every.hit)
     sure = np.flatnonzero(hits.sure(every.face, every.hit))
     some = rng.choice(sure, min(count, len(sure)), replace=False)

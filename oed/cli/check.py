@@ -133,6 +133,7 @@ def story(cell: "Cell") -> list[str]:
 
 def _shapes(cell: "Cell") -> list[str]:
     """How the arm is kept clear of jig and itself."""
+    from probe.motion.bodies import notes
     from probe.motion.clearance import Clearance
 
     if not cell.robot.shapes:
@@ -141,7 +142,7 @@ def _shapes(cell: "Cell") -> list[str]:
     clearance = Clearance(cell, cell.theta)
     judge = "capsules around them" if clearance.exact is None else "solids"
     links = ", ".join(dict.fromkeys(body.shape.name for body in clearance.bodies)) or "none"
-    return [f"arm: {len(clearance.bodies)} collision shapes judged as {judge}, of links {links}", *clearance.notes]
+    return [f"arm: {len(clearance.bodies)} collision shapes judged as {judge}, of links {links}", *notes(cell.robot)]
 
 
 def _sides(cell: "Cell") -> str:

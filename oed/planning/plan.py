@@ -183,7 +183,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
     """What a chosen set promises."""
     candidate_set, touches = setting.candidate_set, choice.touches
     plan, basis = with_via(plan_of(touches), choice.order.via), candidate_set.identifiable.basis
-    rows = candidate_set.rows_of(touches)
+    rows, promised = candidate_set.rows_of(touches), candidate_set.promise(touches)
     return PlanResult(
         plan=plan,
         strategy=setting.strategy,
@@ -195,7 +195,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         count=choice.count or len(candidate_set.candidates),
         manifold=choice.manifold,
         manifold_covers=choice.certificate.covers if choice.manifold is not None and choice.certificate else None,
-        promise=candidate_set.promise(touches),
+        promise=promised,
         minutes=minutes(candidate_set.cell, plan, candidate_set.deviations(touches)),
         missing=tuple(candidate_set.searches(touches).missing.tolist()),
         unseen=unseen(
@@ -206,6 +206,7 @@ def _result(setting: Setting, choice: Choice) -> PlanResult:
         ),
         notes=(
             *candidate_set.candidates.notes,
+            *promised.sentences(),
             *candidate_set.searches(touches).sentences(),
             *blocked_ways(plan, choice.order),
             limiting(candidate_set.prior.updated(rows), candidate_set.zone),

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 
 from identify.model.cell import Cell
 from identify.model.joint import Capsule
-from probe.motion.bodies import Body, bodies, exact_meshes, notes
+from probe.motion.bodies import Body, bodies, exact_meshes
 from probe.motion.distances import (
     Boxes,
     Frames,
@@ -61,8 +61,7 @@ class Clearance:
     @cached_property
     def arm(self) -> "Clearance":
         """The links before the last one among the obstacles: what a search that goes on must keep clear, too."""
-        other = self.at(self.theta)
-        moving = self._moving[~self._torch[self._moving]]
+        other, moving = self.at(self.theta), self._moving[~self._torch[self._moving]]
         other.__dict__.update({"capsules": self.capsules, "pairs": (), "_moving": moving})
         return other
 
@@ -87,11 +86,6 @@ class Clearance:
         from probe.motion.mesh_distance import Exact
 
         return Exact([*(body.shape for body in self.bodies), *self.capsules[len(self.bodies) :]], self.solids)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is not kept clear of the arm, or not exactly, in sentences."""
-        return notes(self.cell.robot)
 
     @cached_property
     def solids(self) -> tuple[Obstacle, ...]:
@@ -190,8 +184,7 @@ class Clearance:
         for (i, k), rows in unsure.items():
             some = np.unique(np.concatenate(rows))
             some = some[out[some] == CLEAR]
-            exempt = own is not None and self._torch[i]
-            need = np.where(own[some, k], NEAR, margin[some]) if exempt and own is not None else margin[some]
+            need = margin[some] if own is None or not self._torch[i] else np.where(own[some, k], NEAR, margin[some])
             assert self._shapes is not None
             out[self._shapes.near((i, None, k), q, frames, some, need)] = k
 
@@ -227,15 +220,14 @@ class Clearance:
 
     @cached_property
     def _shaped_pairs(self) -> Bool[np.ndarray, "capsules obstacles"]:
-        i, k = range(len(self.capsules)), range(len(self.solids))
-        return np.array([[self.shaped((a, None, b)) for b in k] for a in i], dtype=bool).reshape(len(i), len(k))
+        some = [[self.shaped((i, None, k)) for k in range(len(self.solids))] for i in range(len(self.capsules))]
+        return np.array(some, dtype=bool).reshape(len(self.capsules), len(self.solids))
 
     def shaped(self, pair: "Pair") -> bool:
         """Whether a pair is of shapes that can be asked themselves."""
-        if self.exact is None:
-            return False
         *links, k = pair
-        return min(i for i in links if i is not None) < len(self.bodies) or bool(k is not None and self.solids[k].shape)
+        linked = min(i for i in links if i is not None) < len(self.bodies)
+        return self.exact is not None and (linked or bool(k is not None and self.solids[k].shape))
 
     def segments_near(self, start: Points, end: Points, need: Float[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
         """Segments, of a bare wire for instance, that come nearer to any obstacle than `need` [mm]."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi, norm
 
-from identify.uncertainty.promise import TipErrors, deviations, promise
+from identify.uncertainty.promise import Promise, TipErrors, deviations, promise
 
 
 def test_the_promise_at_one_pose_is_the_95th_percentile_of_the_chi_distribution():
@@ -47,3 +47,10 @@ def test_the_deviation_at_a_pose_holds_all_models():
     models = [TipErrors(np.eye(3)[None]), TipErrors(np.eye(3)[None], np.array([[0.0, 2.0, 0.0]]))]
 
     assert deviations(models) == pytest.approx(np.sqrt([3 + 4 / 2]))
+
+
+def test_an_rms_above_the_95_percent_is_explained_and_a_usual_one_is_not():
+    rare, usual = Promise(rms_mm=0.5, p95_mm=0.2), Promise(rms_mm=0.1, p95_mm=0.2)
+
+    assert "fewer than 5 of 100" in rare.sentences()[0]
+    assert usual.sentences() == ()
