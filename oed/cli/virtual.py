@@ -35,9 +35,8 @@ def virtual(
     Parameters
     ----------
     truth
-        A truth file, or library:arc-welder; drawn from the cell's priors where not given. A truth file is YAML with
-        parameters: {base.x: 339.1, j2.alpha: 1.2}, by the names that identify prints, in mm and degrees; parameters
-        not named are those of the cell.
+        library:arc-welder, or a YAML file: parameters: {base.x: 339.1, j2.alpha: 1.2} by the names that identify
+        prints, mm or degrees, others as in the cell; drawn from the cell's priors where not given.
     protocol
         What it speaks.
     port

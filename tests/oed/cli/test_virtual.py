@@ -28,7 +28,7 @@ def test_touches_go_through_a_port_that_another_process_serves(planned, touchcal
 
 
 def test_the_truth_file_that_the_help_shows_is_one(arc_welder, touchcal, tmp_path):
-    shown = re.search(r"parameters: \{[^}]*\}", touchcal("virtual", "--help")[1])
+    shown = re.search(r"parameters:\s*\{[^}]*\}", touchcal("virtual", "--help")[1])
     (tmp_path / "truth.yaml").write_text(" ".join(shown[0].split()))
 
     theta = read_truth(tmp_path / "truth.yaml", arc_welder).theta
