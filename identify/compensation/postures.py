@@ -12,7 +12,8 @@ from identify.model.robot import Robot
 SEEDS = 400  # postures drawn to find one to start from
 ROUNDS = 8  # of drawing, for targets that nothing else has reached
 ITERATIONS = 30
-SPREAD = 8  # targets to which a branch is followed, to choose it
+SPREAD = 32  # targets to which a branch is followed, to choose it
+ROOM = np.radians(3.0)  # [rad] within the joint limits, that a correction may need; LEVER times that in [mm]
 BRANCHES = 100  # at the most
 PIONEERS = 16  # of so many targets one is solved first, and the others start from the nearest of these
 
@@ -108,7 +109,9 @@ def regular_branch(
     targets = np.tile(some, (len(branches), 1, 1))
     start = np.repeat(branches, len(some), axis=0)
     ends = reach(kinematics, theta, targets[:, :3, 3], targets[:, :3, :3], start, iterations=ITERATIONS)
-    kept = ends.reached() & (joint_change(robot, start, ends.q).max(axis=1) < np.pi / 2)
+    room = np.where(robot.prismatic, ROOM * LEVER, ROOM)
+    inside = ((ends.q > robot.lower + room) & (ends.q < robot.upper - room)).all(axis=1)
+    kept = ends.reached() & inside & (joint_change(robot, start, ends.q).max(axis=1) < np.pi / 2)
     regular = np.where(kept, smallest(kinematics, theta, ends.q), 0.0).reshape(len(branches), -1)
     effort = np.abs((branches - middle) / (robot.upper - robot.lower)).mean(axis=1)
     best = np.lexsort((effort, -regular.min(axis=1).round(2), -(regular > 0).sum(axis=1)))[0]
