@@ -9,7 +9,8 @@ from studies.engine import Study
 HEAD = """# Studies
 
 Questions about calibrating a robot by touch, each answered by one script of this folder. A study computes its table
-and its pictures again with one command, on all cores of this machine or, with `--scheduler ADDRESS`, on a Dask cluster.
+and its pictures again with one command, with `pip install "touchcal[studies]"` on all cores of this machine or, by
+`--scheduler ADDRESS`, on a Dask cluster.
 What is finished is kept: a study that was interrupted goes on where it was. A seed gives the same table anywhere.
 
 This page is made from the scripts by `python -m studies.readme`. In the study campaign, the rows of one shot and the

@@ -29,4 +29,6 @@ def screenshot(page: Path, picture: Path, part: str = "#view") -> None:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3 or sys.argv[1].startswith("-"):
+        sys.exit(__doc__)
     screenshot(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -7,7 +7,7 @@ miss lost. Ball bar: 100 distances of 400 mm (0.005 mm) from two anchors, or thr
 positioner: 100 positions (0.03 mm) of an arm of six axes on a track, in the frame of the table of a positioner of two
 axes, nine joints in all. Plans are those of `touchcal plan`; the promise of the calibration is compared with the tip
 error at 300 other poses of the zone. The limit is the RMS tip error of robots like these that is left however often all
-2,000 candidates of the plan are measured: no design and no estimator gets below it.
+2,000 candidates of the plan are measured: no design and no estimator gets below it on average, though some robots do.
 
 Answer: yes. 95 % intervals of parameters, placements, tools and points hold the truth in 94.0 to 95.4 % of the cases;
 the promise is kept by 98 of 100 robots with three targets, 96 with two stands, 97 and 98 with two and three anchors and

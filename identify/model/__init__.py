@@ -30,17 +30,20 @@ In the order in which data walks through:
 import sys
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 
 def front(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package that shows names of its modules: a module, and the names in it."""
+    """`__getattr__` and `__dir__` of a package that shows names of its modules, and has its rooms as attributes."""
     home = {name: f"{package}.{module}" for module, names in modules.items() for name in names.split()}
 
     def load(name: str) -> Any:
-        if name not in home:
-            raise AttributeError(f"module '{package}' has no attribute '{name}'")
-        return getattr(import_module(home[name]), name)
+        if name in home:
+            return getattr(import_module(home[name]), name)
+        if not name.startswith("_") and find_spec(f"{package}.{name}"):
+            return import_module(f"{package}.{name}")
+        raise AttributeError(f"module '{package}' has no attribute '{name}'")
 
     def names() -> list[str]:
         return sorted({*vars(sys.modules[package]), *home})

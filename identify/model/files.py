@@ -185,6 +185,9 @@ def read_sheet(path: Path | str, required: Sequence[str], optional: Iterable[str
     if not text.strip():
         raise InputError([Mistake(str(path), 0, "the file is empty, expected a header line and rows")])
     torn = 0 if text.endswith("\n") else text.count("\n") + 1
+    if text.lstrip()[0] in "{<":
+        kind = "JSON" if text.lstrip()[0] == "{" else "XML"
+        raise InputError([Mistake(str(path), 0, f"this is {kind}, expected a table of commas with a header line")])
     sheet = Sheet(str(path), {}, [])
     rows = _rows(sheet, text)
     header = [name.strip() for name in next(rows, (1, []))[1]]
@@ -228,7 +231,11 @@ def _check_header(sheet: Sheet, header: list[str], required: Sequence[str], unkn
         sheet.at(1, f"column {', '.join(map(repr, repeated))} stands twice in the header; keep one")
     for name in required:
         if name not in sheet.columns:
-            near = nearest(name, unknown).removeprefix("; did you mean ").removesuffix("?")
+            near = (
+                nearest(name, [other for other in unknown if other[:1] == name[:1]])
+                .removeprefix("; did you mean ")
+                .removesuffix("?")
+            )
             cure = f"; if {near} is meant, write it under this name, in this unit" if near else ""
             sheet.at(1, f"column '{name}' is missing{cure}")
 

@@ -93,7 +93,7 @@ class Term:
     """One error parameter: its name, the key of its size, and what one unit of it adds, and where."""
 
     name: str
-    size: str
+    size: str  # a key of SIZES
     shapes: dict[Target, ca.SX]
 
 

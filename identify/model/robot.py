@@ -66,10 +66,11 @@ class Robot:
         """Name, key of its size, and model of every error parameter."""
         if not self.errors:
             return ()
-        from identify.model.joint_error_models import (
-            parameters,  # CasADi, which a robot without error models need not load
-        )
+        from identify.model.joint_error_models import SIZES, parameters  # CasADi, which others need not load
 
+        for name, size, _ in parameters(self):
+            if size not in SIZES:
+                raise ValueError(f"joint error '{name}': size '{size}', expected one of {', '.join(SIZES)}")
         return parameters(self)
 
     @property

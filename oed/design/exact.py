@@ -49,6 +49,12 @@ class ExactDesign:
     searches: int
     """Local searches made."""
 
+    def __repr__(self) -> str:
+        return (
+            f"<{len(self.indices)} rows by {self.criterion}: {self.value:.6g}, "
+            f"at least {100 * self.efficiency:.1f} % of the best possible, after {self.searches} searches>"
+        )
+
 
 def exact_design(
     rows: Float[np.ndarray, "candidates parameters"],
@@ -76,8 +82,9 @@ def exact_design(
     `quotas` are the smallest and largest number of touches per `face` (a number or a name); no two touches are closer
     than `min_distance` in `positions`. The search begins with a set completed from `start`, as far as that keeps the
     rules. It makes `iterations` local searches, as many as the problem needs if not given, and is the same for the same
-    `rng`. With `seconds` it goes on until they are over, and what it finds depends on the machine; with both, until so
-    many searches are made and the seconds are over.
+    `rng`; more of them live in a larger population, so that a single run may end lower. With `seconds` it goes on until
+    they are over, and what it finds depends on the machine; with both, until so many searches are made and the seconds
+    are over.
     """
     problem = design_problem(
         rows,

@@ -46,6 +46,10 @@ class ApproximateDesign:
     rounds: int
     """Of column generation."""
 
+    def __repr__(self) -> str:
+        used, gap = int((self.weights > 0).sum()), 100 * self.gap
+        return f"<weights on {used} of {len(self.weights)} rows by {self.criterion}: {self.value:.6g}, gap {gap:.2g} %>"
+
 
 def approximate_design(
     rows: Float[np.ndarray, "rows parameters"],

@@ -24,9 +24,7 @@ def refined(cell, count, iterations=None):
     rows = offered.rows @ offered.identifiable.basis
     chosen = exact_design(rows, TOUCHES, prior=offered.identifiable.precision, iterations=iterations)
     touches = offered.candidates.take(chosen.indices)
-    touches = refine(
-        Refinement(offered.identifiable, offered.feasibility), touches, CRITERIA["D"], together=iterations is None
-    )
+    touches = refine(Refinement(offered.identifiable, offered.feasibility), touches, CRITERIA["D"])
     return volume(offered, offered.identifiable.rows(touches.rows(cell)))
 
 

@@ -28,6 +28,9 @@ class Document:
     def __init__(self, path: Path) -> None:
         self.path = path
         text = read_text(path)
+        if text.lstrip().startswith("<"):
+            cure = "touchcal init --robot makes a cell of a URDF"
+            raise InputError([Mistake(str(path), 0, f"this is XML, expected a file in YAML; {cure}")])
         if _depth(text) > DEEPEST:
             raise InputError([Mistake(str(path), 0, f"brackets stand more than {DEEPEST} deep; close them")])
         for number, row in enumerate(text.split("\n"), 1):

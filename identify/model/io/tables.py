@@ -233,6 +233,9 @@ def _planes(
     planes = np.column_stack([_optional(sheet, name) for name in PLANE])
     faces = {} if cell.jig is None else cell.jig.by_name
     plane = planes.copy()
+    if "face" not in sheet.columns and np.isnan(planes).any(axis=1).all():
+        sheet.at(1, f"column 'face' is missing; write the face of each touch, or its plane in {', '.join(PLANE)}")
+        raise InputError(sheet.mistakes)
     for row, name in enumerate(face):
         if name in faces:
             one = faces[name]

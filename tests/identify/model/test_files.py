@@ -32,6 +32,8 @@ def test_a_long_list_of_mistakes_is_cut_and_says_so(write, arc_welder):
         (b"id\tq1_deg\nt1\t1\n", "1: columns are parted by semicolons or tabs"),
         (b"\x00\x00\x00\n", "1: column 'id' is missing"),
         (b"1,2,3\n4,5,6\n", "1: column 'id' is missing"),
+        (b'{"parameters": []}\n', "0: this is JSON, expected a table of commas"),
+        (b"<robot/>\n", "0: this is XML, expected a table of commas"),
     ],
 )
 def test_what_is_no_table_is_said_so(write, arc_welder, read, content, sentence):

@@ -13,7 +13,7 @@ from identify.model.frames import transform
 from identify.model.identifiability import structure
 from identify.model.io.description import library, read_cell, read_robot
 from identify.model.io.entries import cell_entry, cell_from_entry
-from identify.model.joint_error_models import ERROR_MODELS, SIZES
+from identify.model.joint_error_models import ERROR_MODELS, SIZES, Term
 from identify.model.kinematics import Kinematics
 from identify.model.measurement import Rows, measurement_model, rows, tip_rows, touch_conditions
 from identify.model.robot import Robot
@@ -318,3 +318,10 @@ def test_a_calibration_with_many_joint_errors_is_read_as_it_was_written(tmp_path
     again = read_calibration(tmp_path / "calibration.json")
     np.testing.assert_allclose(again.theta, found.theta, rtol=1e-9)
     np.testing.assert_allclose(again.sigma, found.sigma, rtol=1e-6)
+
+
+def test_an_own_error_parameter_of_an_unknown_size_is_named_with_the_sizes_there_are(arc_welder, monkeypatch):
+    monkeypatch.setitem(ERROR_MODELS, "own", lambda arm: [Term("j2.own", "gear_deg", {("joint", 1): arm.q[1]})])
+
+    with pytest.raises(ValueError, match=r"joint error 'j2.own': size 'gear_deg', expected one of harmonics_deg"):
+        _ = replace(arc_welder.robot, errors=("own",)).parameters

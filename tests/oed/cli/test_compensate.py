@@ -110,7 +110,7 @@ def test_poses_in_what_looks_like_radians_are_read_where_the_user_says_so(projec
         (["compensate", "calibration.json", "none.csv"], "none.csv: no such file"),
         (["compensate", "none.json", "poses.csv"], "none.json: no such file"),
         (["compensate", "poses.csv", "poses.csv"], "not a calibration"),
-        (["compensate", "calibration.json", "calibration.json"], "column"),
+        (["compensate", "calibration.json", "calibration.json"], "this is JSON, expected a table"),
         (["compensate", "calibration.json", "poses.csv", "--frame", "table"], "other than jig or base, is 'table'"),
         (["compensate", "calibration.json", "poses.csv", "--frame", "1,2,3"], "expected 6 numbers parted by commas"),
         (["compensate", "calibration.json", "poses.csv", "--near", "1,2"], "--near is '1,2', expected 6 numbers"),
