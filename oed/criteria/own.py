@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from identify.model.files import InputError, read_text
 from oed.criteria.criteria import CRITERIA
 from oed.criteria.criterion import Criterion
 
-PUBLISHED = frozenset(
-    {*CRITERIA, "even", "random", "sequential"}
-)  # names of published criteria, and of other strategies
+STEP = 1e-5  # of the central differences that a slope is compared with, as a share of the information
+ALIKE = 1e-4  # how well it agrees with them, as a share of the slope
+STRATEGIES = "even", "random", "sequential"
+PUBLISHED = frozenset({*CRITERIA, *STRATEGIES})  # names that are taken
 
 
 @dataclass(frozen=True)
@@ -45,3 +48,29 @@ class OwnCriterion:
             raise InputError(f"{self.file}: the name '{value.name}' of {self.variable} is taken; give it another name")
         CRITERIA[value.name] = value
         return value
+
+
+def check(criterion: Criterion, parameters: int) -> None:
+    """Raise ValueError if degree or slope of a criterion of one's own do not belong to its value.
+
+    A bound that rests on them would be that of another criterion. Both are compared with differences of the value at
+    an information drawn at random; the criteria of this package are held against theirs by tests.
+    """
+    if type(criterion).__module__.startswith(str(__package__)):
+        return
+    rng = np.random.default_rng(0)
+    X, D = rng.standard_normal((2 * parameters, parameters)), rng.standard_normal((parameters, parameters))
+    M, D = X.T @ X, D + D.T
+    grown = float(criterion.power(criterion.value(2 * M)) - criterion.power(criterion.value(M)))
+    if criterion.degree and abs(grown - np.log(2)) > ALIKE:
+        raise ValueError(
+            f"{criterion.name}: twice the information makes the value {np.exp(grown * criterion.degree):.4g} times as "
+            f"large, and by its degree, {criterion.degree:g}, {2**criterion.degree:.4g} times; correct one of them"
+        )
+    D *= STEP * np.linalg.norm(M) / np.linalg.norm(D)
+    slope, change = criterion.slope(M), (criterion.smooth(M + D) - criterion.smooth(M - D)) / 2
+    if abs(change - np.trace(slope @ D)) > ALIKE * np.linalg.norm(slope) * np.linalg.norm(D):
+        raise ValueError(
+            f"{criterion.name}: `slope` is not the gradient of `smooth`, the logarithm of phi: by it a small change of "
+            f"the information changes that by {np.trace(slope @ D):.4g}, by differences {change:.4g}; correct it"
+        )

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 
 from oed.criteria.criteria import criterion_named
 from oed.criteria.criterion import Criterion
+from oed.criteria.own import check
 from oed.design.column_generation import Search
 from oed.design.matrix import checked, checked_prior, information, seen, whitener
 from oed.design.owners import Owners
@@ -76,6 +77,7 @@ def approximate_design(
     """
     rows = checked(rows)
     measure = criterion_named(criterion).on(zone, rows.shape[1])
+    check(measure, rows.shape[1])
     before = checked_prior(prior, rows.shape[1])
     owners = Owners.single(len(rows)) if owner is None else Owners.of(owner, len(rows))
     allowed = admissible(len(owners), cap, face, quotas)

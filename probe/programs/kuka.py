@@ -12,7 +12,7 @@ and RESUME in the routine of a search with the motion in a subprogram of its own
 numbers, notes on BRAKE with RESUME, notes on LIN_Suchen, a probing template), LIN_REL with a frame, PTP with axes,
 `$VEL.CP`, `$TIMER` with `$TIMER_STOP`, `$AXIS_ACT`, WAIT SEC, BAS(#INITMOV,0), HALT. `INTERRUPT DECL` on
 `$MEAS_PULSE[1]` stands in one public note (industrialmonitordirect.com, "kuka-meas-pulse-negative-edge"), which says,
-too, that the controller stops there while the input is TRUE, and in two public lists of system variables. No public
+too, that the controller stops there while the input is TRUE, and in a public list of system variables. No public
 program was found for `$AXIS_INT`, in four searches (`$POS_INT`, its twin, in two: "kuka-interrupt-5-not-triggering",
 "kuka-kr-120-interrupt-based"): manual alone. `$POS_INT` would need the controller's own model to become joints, and
 `$AXIS_ACT` comes a cycle late, so neither replaces it; every file says so.
