@@ -35,7 +35,7 @@ def estimate(
 ) -> Estimate:
     """The estimate of a problem from a start, or from its own; raises CalibrationFailed if Ipopt does not converge.
 
-    With `used`, rows that agree with each other, the others join them as far as they agree: no robust loss is needed.
+    With `inliers`, rows that agree with each other, the others join as far as they agree: no robust loss is needed.
     """
     fit = _Fit(problem)
     x = np.zeros(problem.size) if start is None else problem.coordinates(start)

@@ -46,7 +46,7 @@ def test_an_estimate_that_begins_with_good_rows_takes_in_the_others(problem):
     whole = estimate(problem)
     some = whole.used & (np.arange(80) % 4 > 0)
 
-    grown = estimate(problem, used=some)
+    grown = estimate(problem, inliers=some)
 
     np.testing.assert_array_equal(grown.used, whole.used)
     np.testing.assert_allclose(problem.theta(grown.x), problem.theta(whole.x), atol=1e-3)

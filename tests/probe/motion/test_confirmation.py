@@ -7,6 +7,7 @@ from boxed_arm import bare
 from meshed import box, collision, mesh, stl, written
 
 from identify.model.urdf.chain import read_urdf
+from probe.motion.bodies import notes
 from probe.motion.clearance import CLEAR, MARGIN, Clearance
 
 pytest.importorskip("coal")
@@ -26,7 +27,7 @@ def test_capsules_around_meshes_refuse_more_and_never_less(cell, rng, monkeypatc
     outer = [capsules.gaps(q)[0] <= MARGIN, exact.gaps(q)[0] <= MARGIN]
     assert (outer[0] >= outer[1]).all()
     assert (capsules.hits(q)[solids == CLEAR] != CLEAR).sum() > 20  # what only the meshes themselves allow
-    assert capsules.notes == (
+    assert notes(cell.robot) == (
         "collision: the arm is judged by capsules around its shapes; to judge the shapes themselves: "
         "pip install 'touchcal[collision]' (Linux, macOS)",
     )
