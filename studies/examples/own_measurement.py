@@ -36,6 +36,4 @@ z = cell.kinematics.tip(touches.q, truth.theta)[0][:, 2] + 0.02 * rng.standard_n
 heights = cast(Measurements, Heights(tuple(f"h{i}" for i in range(40)), touches.q, z))
 for measured in ([touches], [touches, heights]):
     calibration = identify.calibrate(cell, *measured, errors="cell")
-    print(
-        f"{len(calibration.residuals)} measurements, lean of the base to {np.degrees(calibration.sigma[5]):.4f} degrees"
-    )
+    print(f"{len(calibration.residuals)} measurements, lean of the base to {np.degrees(calibration.sigma[5]):.4f} deg")
