@@ -116,8 +116,8 @@ class CandidateSet:
 
         A robot whose arm hits something in most of them is none that stands there, and does not count.
         """
-        room = 1 + self.candidates.margins.overtravel[touches.face] / self.cell.touch.approach
-        ends = (touches.approach, touches.q, touches.approach + room[:, None] * (touches.q - touches.approach))
+        beyond = self.cell.touch.travel / self.cell.touch.approach  # where a search ends that meets nothing
+        ends = (touches.approach, touches.q, touches.approach + beyond * (touches.q - touches.approach))
         hit = np.logical_or.reduce([self.edges.arm_hits(q) for q in ends])
         hit = hit[hit.mean(axis=1) <= MOST]
         return np.asarray(hit.sum(axis=0) <= RISK * ROBOTS)
