@@ -8,7 +8,7 @@ calibration is compared with the tip error at 95 % of 300 other poses of the zon
 faults besides: a fifth of 60 touches ends 3 to 10 mm early or late, one or three of 60 bear the name of another face,
 or the jig is five times worse than stated (80 touches).
 
-Answer: yes, of 40 robots each. At the whole priors, where tips are 40 mm off, the promise is kept by 97.5, 100 and 100 %
+Answer: yes, by 40 robots each. At the whole priors, with tips 40 mm off, the promise is kept by 97.5, 100 and 100 %
 of them after 30, 60 and 100 planned touches, at 2.24, 1.58 and 1.66 times the delivered error in the median; the RMS
 error is 0.166, 0.093 and 0.075 mm. At a quarter of the priors all keep it, at 2.27, 1.62 and 1.70 times, with 0.094,
 0.069 and 0.053 mm; at a thirtieth 97.5, 97.5 and 100 %, at 1.49, 1.55 and 1.70 times, with 0.087, 0.064 and 0.053 mm.
